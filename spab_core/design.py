@@ -1,0 +1,294 @@
+"""A rotor on spherical porous gas bearings, in SI units: what the designer draws, checked, and its dimensionless groups.
+
+The unit of every dimensionless quantity: lengths over the radial clearance C, pressures over the ambient pressure p_a,
+forces over p_a R², time as the shaft angle tau = omega t. See docs/model.md.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+import tempfile
+import tomllib
+from dataclasses import dataclass, field, fields
+from importlib import resources
+from pathlib import Path
+
+
+class DesignError(ValueError):
+    """A design value that is missing, unknown, of the wrong kind or out of range; the message says which and why."""
+
+
+def _number(default, unit, low, high, text, *, infinite=False, open_low=False):
+    """A dataclass field with its unit and allowed range, read by :meth:`_Checked.__post_init__` and by forms."""
+    metadata = {"unit": unit, "low": low, "high": high, "text": text, "infinite": infinite, "open_low": open_low}
+    return field(default=default, metadata=metadata)
+
+
+def check_number(name, value, low, high, unit="", *, infinite=False, open_low=False):
+    """Return ``value`` as a float if it lies in the allowed range.
+
+    Parameters
+    ----------
+    name : str
+        What to call the value in the message.
+    value : object
+        What the person gave.
+    low, high : float
+        The allowed range, both ends included (``low`` excluded where ``open_low``).
+    unit : str
+        Unit for the message, "" for a pure number.
+    infinite : bool
+        Whether positive infinity is allowed too.
+
+    Raises
+    ------
+    DesignError
+        If it is no number or out of range; the message names the field, the value and the range.
+    """
+    unit = f" {unit}" if unit else ""
+    allowed = f"{'more than' if open_low else 'from'} {low:g} {'up ' if open_low else ''}to {high:g}{unit}"
+    if infinite:
+        allowed += ", or inf"
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise DesignError(f"{name} must be a number ({allowed}), not {str(value)[:60]!r}")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf if value > 0 else -math.inf
+    inside = low <= number <= high and not (open_low and number == low)
+    if not inside and not (infinite and number == math.inf):
+        raise DesignError(f"{name} = {number:g}{unit} is out of range: allowed is {allowed}")
+    return number
+
+
+@dataclass(frozen=True)
+class _Checked:
+    def __post_init__(self):
+        for f in fields(self):
+            m = f.metadata
+            number = check_number(f"{type(self).__name__.lower()}.{f.name}", getattr(self, f.name), m["low"], m["high"],
+                                  m["unit"], infinite=m["infinite"], open_low=m["open_low"])
+            object.__setattr__(self, f.name, number)
+
+
+@dataclass(frozen=True)
+class Bearing(_Checked):
+    """The spherical band |latitude| <= edge_latitude and its porous wall."""
+
+    radius: float = _number(0.060, "m", 1e-4, 10.0, "sphere radius R")
+    clearance: float = _number(35e-6, "m", 1e-7, 1e-2, "radial clearance C")
+    edge_latitude: float = _number(30.0, "deg", 1.0, 89.5, "latitude of the open edges")
+    permeability: float = _number(1.44e-15, "m2", 0.0, 1e-9, "permeability of the porous wall")
+    wall_thickness: float = _number(4.5e-3, "m", 1e-6, 1.0, "thickness of the porous wall")
+    supply_pressure_ratio: float = _number(1.0, "", 0.1, 100.0, "supply pressure over ambient (1: open to ambient)")
+
+    def __post_init__(self):
+        super().__post_init__()
+        if self.clearance > 0.05 * self.radius:
+            raise DesignError(f"bearing.clearance = {self.clearance:g} m is out of range: the thin-film equation needs "
+                              f"at most a twentieth of the radius, {0.05 * self.radius:g} m")
+
+
+@dataclass(frozen=True)
+class Gas(_Checked):
+    """The isothermal ideal gas around the bearing."""
+
+    viscosity: float = _number(1.85e-5, "Pa s", 1e-7, 1e-2, "dynamic viscosity")
+    ambient_pressure: float = _number(101325.0, "Pa", 1.0, 1e8, "ambient pressure p_a")
+
+
+@dataclass(frozen=True)
+class Rotor(_Checked):
+    """Disc and journal on an elastic shaft; the rotor mass itself is an operating parameter."""
+
+    shaft_stiffness: float = _number(5.0e7, "N/m", 0.0, 1e15, "shaft stiffness (inf: rigid rotor)",
+                                     infinite=True, open_low=True)
+    journal_mass_fraction: float = _number(0.2, "", 1e-3, 0.999, "share of the rotor mass that rides in the journal")
+    unbalance_eccentricity: float = _number(13e-6, "m", 0.0, 1e-2, "eccentricity of the disc's mass centre")
+    gravity: float = _number(9.81, "m/s2", 0.0, 1e4, "gravity, along -Y")
+
+
+@dataclass(frozen=True)
+class Contact(_Checked):
+    """Exponential asperity law of the wall."""
+
+    force_at_closure: float = _number(100.0, "", 0.0, 1e6, "contact force at e = 1, over p_a R2")
+    roughness: float = _number(0.02, "", 1e-3, 0.2, "roughness length over the clearance")
+    friction: float = _number(0.1, "", 0.0, 2.0, "friction coefficient")
+    damping: float = _number(0.5, "", 0.0, 100.0, "contact damping, per dimensionless radial speed")
+
+
+@dataclass(frozen=True)
+class Design:
+    """A complete design.
+
+    Attributes
+    ----------
+    bearing, gas, rotor, contact : Bearing, Gas, Rotor, Contact
+        The four parts, in SI units.
+
+    Notes
+    -----
+    The dimensionless groups follow docs/model.md, sections 2 and 3.
+    """
+
+    bearing: Bearing = field(default_factory=Bearing)
+    gas: Gas = field(default_factory=Gas)
+    rotor: Rotor = field(default_factory=Rotor)
+    contact: Contact = field(default_factory=Contact)
+
+    @property
+    def force_unit(self) -> float:
+        """Unit of force p_a R², in N."""
+        return self.gas.ambient_pressure * self.bearing.radius**2
+
+    @property
+    def feeding_number(self) -> float:
+        """Porous feeding number beta = 6 kappa R² / (H_p C³)."""
+        b = self.bearing
+        return 6.0 * b.permeability * b.radius**2 / (b.wall_thickness * b.clearance**3)
+
+    @property
+    def shaft_stiffness_number(self) -> float:
+        """K = K_s C / (p_a R²); inf for a rigid rotor."""
+        return self.rotor.shaft_stiffness * self.bearing.clearance / self.force_unit
+
+    @property
+    def unbalance_number(self) -> float:
+        """rho = e_u / C."""
+        return self.rotor.unbalance_eccentricity / self.bearing.clearance
+
+    @property
+    def rigid(self) -> bool:
+        """Whether disc and journal move as one."""
+        return math.isinf(self.rotor.shaft_stiffness)
+
+    def speed(self, bearing_number: float) -> float:
+        """Shaft speed omega in rad/s at the bearing number Lambda = (6 mu omega / p_a) (R/C)²."""
+        b, g = self.bearing, self.gas
+        return bearing_number * g.ambient_pressure / (6.0 * g.viscosity) * (b.clearance / b.radius) ** 2
+
+    def speed_rpm(self, bearing_number: float) -> float:
+        """Shaft speed in revolutions per minute."""
+        return self.speed(bearing_number) * 30.0 / math.pi
+
+    def bearing_number(self, speed: float) -> float:
+        """Bearing number Lambda at the shaft speed omega in rad/s."""
+        return speed / self.speed(1.0)
+
+    def mass_number(self, rotor_mass: float, bearing_number: float) -> float:
+        """M = m_r C omega² / (p_a R²), ``rotor_mass`` in kg on one bearing."""
+        return rotor_mass * self.bearing.clearance * self.speed(bearing_number) ** 2 / self.force_unit
+
+    def load_number(self, rotor_mass: float) -> float:
+        """W = m_r g / (p_a R²), ``rotor_mass`` in kg on one bearing."""
+        return rotor_mass * self.rotor.gravity / self.force_unit
+
+    @property
+    def stiffness_unit(self) -> float:
+        """Unit of stiffness p_a R² / C, in N/m."""
+        return self.force_unit / self.bearing.clearance
+
+    def replace(self, **changes: float) -> Design:
+        """A copy with values changed, named ``section__field`` (``bearing__clearance=30e-6``)."""
+        parts: dict[str, dict[str, float]] = {}
+        for name, value in changes.items():
+            section, _, key = name.partition("__")
+            if section not in _SECTIONS or key not in {f.name for f in fields(_SECTIONS[section])}:
+                raise DesignError(f"there is no design value {name!r}")
+            parts.setdefault(section, {})[key] = value
+        return dataclasses.replace(self, **{s: dataclasses.replace(getattr(self, s), **v) for s, v in parts.items()})
+
+    def to_dict(self) -> dict[str, dict[str, float]]:
+        """Nested plain dictionary, section by section, as in the TOML file."""
+        return {section: dataclasses.asdict(getattr(self, section)) for section in _SECTIONS}
+
+    @classmethod
+    def from_dict(cls, data: dict) -> Design:
+        """Build from nested dictionaries; values left out take those of the reference design.
+
+        Raises
+        ------
+        DesignError
+            For a section or key that does not exist, or a value out of range.
+        """
+        if not isinstance(data, dict):
+            raise DesignError("a design must have the sections " + ", ".join(_SECTIONS))
+        parts = {}
+        for section, values in data.items():
+            if section not in _SECTIONS:
+                raise DesignError(f"unknown section [{str(section)[:60]}]: allowed are {', '.join(_SECTIONS)}")
+            known = [f.name for f in fields(_SECTIONS[section])]
+            if not isinstance(values, dict):
+                raise DesignError(f"[{section}] must be a section with the keys {', '.join(known)}")
+            for key in values:
+                if key not in known:
+                    raise DesignError(f"unknown key {str(key)[:60]!r} in [{section}]: allowed are {', '.join(known)}")
+            parts[section] = _SECTIONS[section](**values)
+        return cls(**parts)
+
+
+_SECTIONS = {"bearing": Bearing, "gas": Gas, "rotor": Rotor, "contact": Contact}
+_MAX_TOML_BYTES = 100_000
+
+
+def parse_design(text: str) -> Design:
+    """Read a design from TOML text (docs/model.md, section 5). Raises :class:`DesignError`."""
+    try:
+        return Design.from_dict(tomllib.loads(text))
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise DesignError(f"not a TOML file: {error}") from None
+
+
+def load_design(path: str | os.PathLike) -> Design:
+    """Read a design file. Raises :class:`DesignError` with the file's name in the message."""
+    try:
+        with open(path, "rb") as file:
+            raw = file.read(_MAX_TOML_BYTES + 1)
+        if len(raw) > _MAX_TOML_BYTES:
+            raise DesignError(f"a design file has at most {_MAX_TOML_BYTES} bytes")
+        return parse_design(raw.decode("utf-8"))
+    except OSError as error:
+        raise DesignError(f"cannot read the design file {str(path)!r}: {error.strerror or error}") from None
+    except ValueError as error:  # DesignError, bad UTF-8, a null byte in the path
+        raise DesignError(f"design file {str(path)!r}: {error}") from None
+
+
+def design_toml(design: Design) -> str:
+    """The design as TOML text, with units; :func:`parse_design` gives the same design back."""
+    lines = []
+    for section, values in design.to_dict().items():
+        meta = {f.name: f.metadata for f in fields(_SECTIONS[section])}
+        lines.append(f"[{section}]")
+        lines += [f"{key} = {value!r}  # {(meta[key]['unit'] + ', ') if meta[key]['unit'] else ''}{meta[key]['text']}"
+                  for key, value in values.items()]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def save_design(design: Design, path: str | os.PathLike) -> None:
+    """Write the design as TOML, atomically."""
+    write_atomically(path, design_toml(design).encode())
+
+
+def write_atomically(path: str | os.PathLike, data: bytes) -> None:
+    """Write a whole file or nothing: to a temporary file beside it, then renamed over it."""
+    path = Path(path)
+    handle, temporary = tempfile.mkstemp(dir=path.parent or Path("."), prefix=f".{path.name}.", suffix=".tmp")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def reference_design() -> Design:
+    """The reference design "SPAB-60" (docs/model.md, section 5)."""
+    return parse_design(resources.files("spab_core").joinpath("designs/spab60.toml").read_text("utf-8"))

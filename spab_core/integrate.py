@@ -1,0 +1,380 @@
+"""Time integration of state and tangent, revolution by revolution.
+
+:func:`advance` drives any system that offers the functions listed in :mod:`spab_core.kernels`; :func:`bind` compiles it
+for another one (the tests run Lorenz, Duffing and Ueda through the very code that runs the rotor). Two methods:
+
+``rodas``
+    RODAS4 (Hairer and Wanner, Solving ODEs II, section VI.4): Rosenbrock, order 4(3), six stages, L-stable and stiffly
+    accurate, with the exact Jacobian. The tangent is the exact derivative of the step, second derivative of the slope
+    included. The step follows the embedded error estimate.
+``dtm``
+    The paper's differential transformation: Taylor recurrences of high order in time (:mod:`spab_core.dtm`), explicit.
+"""
+
+from __future__ import annotations
+
+import math
+import types
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from spab_core.dtm import DTM_ORDER, build_series, dtm_step
+from spab_core.film import Film, film_size
+from spab_core.kernels import (
+    Work,
+    add_curvature,
+    build_work,
+    error_norm,
+    prepare_curvature,
+    slope,
+    slope_tangent,
+    time_slope,
+)
+from spab_core.linear import linearise, solve
+from spab_core.rotor import ROTOR_STATES
+from spab_core.simd import WIDTH, aligned_zeros, splat, vload, vstore
+
+METHODS = ("rodas", "dtm")
+REVOLUTION = 2.0 * math.pi
+CONTACT_ECCENTRICITY, TOUCHDOWN_ECCENTRICITY = 0.9, 0.9995
+OK, TOUCHDOWN, STEP_TOO_SMALL, TOO_MANY_STEPS = 0, 1, 2, 3
+STATUS = ("ok", "touchdown", "step-too-small", "too-many-steps")
+STATUS_TEXT = {
+    "ok": "the run completed",
+    "touchdown": "the journal touched the wall: no exponent exists",
+    "step-too-small": "the step fell below its limit: the film may have lost all gas; try a finer mesh",
+    "too-many-steps": "a revolution took too many steps; try method rodas or a larger tolerance",
+}
+
+DEFAULT_TOLERANCE = 1e-4
+MAX_STEP = REVOLUTION / 8.0
+_MIN_STEP = 1e-10
+_MAX_STEPS = 400_000  # in one revolution
+_SUBSAMPLES = 4  # of a step, for contact share and largest eccentricity
+
+# RODAS4 in the form of Hairer and Wanner's code: gamma, a_ij, c_ij, alpha_i, gamma_i
+_GAMMA = 0.25
+_A = np.array([
+    [0, 0, 0, 0, 0],
+    [1.544, 0, 0, 0, 0],
+    [0.9466785280815826, 0.2557011698983284, 0, 0, 0],
+    [3.314825187068521, 2.896124015972201, 0.9986419139977817, 0, 0],
+    [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 0],
+    [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1.0]])
+_C = np.array([
+    [0, 0, 0, 0, 0],
+    [-5.6688, 0, 0, 0, 0],
+    [-2.430093356833875, -0.2063599157091915, 0, 0, 0],
+    [-0.1073529058151375, -9.594562251023355, -20.47028614809616, 0, 0],
+    [7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160, 0],
+    [8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054]])
+_ALPHA = np.array([0.0, 0.386, 0.21, 0.63, 1.0, 1.0])
+_GAMMA_I = np.array([0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0])
+
+
+class Options(NamedTuple):
+    """How to integrate.
+
+    Attributes
+    ----------
+    method : int
+        Index into :data:`METHODS`.
+    tolerance : float
+        Largest error estimate of a step (``kernels.error_norm``), unless ``fixed``.
+    max_step : float
+        Largest step in tau; the step itself where ``fixed``.
+    fixed : bool
+        Keep the step, ignore the error estimate.
+    tangent : bool
+        Integrate the tangent too.
+    period : float
+        Length of a revolution in tau: 2 pi for the rotor.
+    """
+
+    method: int = 0
+    tolerance: float = DEFAULT_TOLERANCE
+    max_step: float = MAX_STEP
+    fixed: bool = False
+    tangent: bool = False
+    period: float = REVOLUTION
+
+
+class Record(NamedTuple):
+    """What :func:`advance` writes, a row a revolution.
+
+    Attributes
+    ----------
+    section : ndarray, (revolutions, 8)
+        Rotor state at the end of each revolution.
+    growth : ndarray, (revolutions,)
+        Natural log of the tangent's growth in each revolution.
+    contact : ndarray, (revolutions,)
+        Share of the revolution's time at an eccentricity above 0.9.
+    peak : ndarray, (revolutions,)
+        Largest eccentricity.
+    path : ndarray, (revolutions, samples, 8)
+        Rotor states at equal spacing, the first at the start of the revolution.
+    """
+
+    section: np.ndarray
+    growth: np.ndarray
+    contact: np.ndarray
+    peak: np.ndarray
+    path: np.ndarray
+
+
+def build_record(revolutions: int, samples: int) -> Record:
+    """Allocate a record."""
+    return Record(np.full((revolutions, ROTOR_STATES), np.nan), np.full(revolutions, np.nan),
+                  np.full(revolutions, np.nan), np.full(revolutions, np.nan),
+                  np.full((revolutions, samples, ROTOR_STATES), np.nan))
+
+
+class Memory(NamedTuple):
+    """State, tangent and scratch of one trajectory; ``control`` is [natural step, steps, rejected steps, evaluations]."""
+
+    work: Work
+    stages: np.ndarray
+    series: np.ndarray
+    state: np.ndarray
+    tangent: np.ndarray
+    control: np.ndarray
+
+
+def build_memory(film: Film, method: str = "rodas") -> Memory:
+    """Memory of one trajectory at the cold start: rotor at rest at the centre, P = 1, a fixed generic tangent.
+
+    The tangent's entries for padded film cells and for the unused disc of a rigid rotor stay zero for all time.
+    """
+    n = film_size(film)
+    size = n + ROTOR_STATES
+    state, tangent = aligned_zeros(size), aligned_zeros(size)
+    state[:n] = 1.0
+    cells = tangent[:n].reshape(film.columns, film.padded)
+    cells[:, : film.cells] = np.random.default_rng(0).standard_normal((film.columns, film.cells)) / math.sqrt(n)
+    tangent[n], tangent[n + 1], tangent[n + 4], tangent[n + 5] = 0.5, 0.3, 0.4, -0.2
+    tangent /= np.linalg.norm(tangent)
+    stages = aligned_zeros(20 * size).reshape(20, size)
+    return Memory(build_work(film), stages, build_series(film, METHODS.index(method)), state, tangent, np.zeros(4))
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def _combine(base, stages, first, count, weights, out):
+    """out = base + sum of weights[k] stages[first + k]."""
+    for k in range(0, out.size, WIDTH):
+        total = vload(base, k)
+        for j in range(count):
+            if weights[j] != 0.0:
+                total = total + vload(stages[first + j], k) * weights[j]
+        vstore(out, k, total)
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def _right_side(stages, first, count, weights, scale, change, out):
+    """out = gamma (scale change + sum of weights[k] stages[first + k])."""
+    for k in range(0, out.size, WIDTH):
+        total = vload(change, k) * scale
+        for j in range(count):
+            if weights[j] != 0.0:
+                total = total + vload(stages[first + j], k) * weights[j]
+        vstore(out, k, total * _GAMMA)
+
+
+@njit(cache=True, nogil=True)
+def rodas_step(system, work, stages, series, t, h, u, v, with_tangent):
+    """One RODAS4 step of state and tangent.
+
+    Returns the error norm (inf: invalid); the new state is stages[12], the new tangent stages[13].
+    """
+    new, new_v, du, dv, rate = stages[12], stages[13], stages[14], stages[15], stages[16]
+    if not linearise(system, _GAMMA * h, u, work):
+        return math.inf
+    time_slope(system, t, rate)
+    if with_tangent:
+        prepare_curvature(system, u, v, work)
+    for i in range(6):
+        _combine(u, stages, 0, i, _A[i], new)
+        right = stages[i]
+        if with_tangent:
+            _combine(v, stages, 6, i, _A[i], new_v)
+            inside = slope_tangent(system, t + _ALPHA[i] * h, new, new_v, work, du, dv)
+        else:
+            inside = slope(system, t + _ALPHA[i] * h, new, work, du)
+        if not inside:
+            return math.inf
+        _right_side(stages, 0, i, _C[i], h, du, right)
+        for k in range(0, right.size, WIDTH):
+            vstore(right, k, vload(right, k) + vload(rate, k) * (_GAMMA * h * h * _GAMMA_I[i]))
+        solve(system, work, right)
+        if with_tangent:
+            right_v = stages[6 + i]
+            _right_side(stages, 6, i, _C[i], h, dv, right_v)
+            add_curvature(system, u, v, right, _GAMMA * h, work, right_v)
+            solve(system, work, right_v)
+    for k in range(0, new.size, WIDTH):
+        vstore(new, k, vload(new, k) + vload(stages[5], k))
+        if with_tangent:
+            vstore(new_v, k, vload(new_v, k) + vload(stages[11], k))
+    return error_norm(system, u, new, stages[5])
+
+
+@njit(cache=True, nogil=True)
+def _hermite(a, b, da, db, s, h):
+    """Cubic through values and slopes at the ends of a step, at the fraction s: value and derivative."""
+    d = b - a
+    c2, c3 = 3.0 * d - h * (2.0 * da + db), -2.0 * d + h * (da + db)
+    return a + s * (h * da + s * (c2 + s * c3)), da + s * (2.0 * c2 + 3.0 * s * c3) / h
+
+
+@njit(cache=True, nogil=True)
+def observe(u, new, h, row, record):
+    """Contact time, largest eccentricity and touchdown within one step, from its cubic interpolant."""
+    n = u.size - ROTOR_STATES
+    touchdown = False
+    for k in range(1, _SUBSAMPLES + 1):
+        s = k / _SUBSAMPLES
+        x, _ = _hermite(u[n], new[n], u[n + 4], new[n + 4], s, h)
+        y, _ = _hermite(u[n + 1], new[n + 1], u[n + 5], new[n + 5], s, h)
+        e = math.sqrt(x * x + y * y)
+        if e > record.peak[row]:
+            record.peak[row] = e
+        if e > CONTACT_ECCENTRICITY:
+            record.contact[row] += h / _SUBSAMPLES
+        touchdown = touchdown or e >= TOUCHDOWN_ECCENTRICITY
+    return touchdown
+
+
+@njit(cache=True, nogil=True)
+def sample(u, new, t, h, start, spacing, row, record):
+    """Fill the path samples that fall into the step [t, t + h)."""
+    n = u.size - ROTOR_STATES
+    samples = record.path.shape[1]
+    k = max(0, int(math.ceil((t - start) / spacing - 1e-9)))
+    while k < samples and start + k * spacing < t + h * (1.0 - 1e-12):
+        s = (start + k * spacing - t) / h
+        for c in range(4):
+            x, v = _hermite(u[n + c], new[n + c], u[n + 4 + c], new[n + 4 + c], s, h)
+            record.path[row, k, c], record.path[row, k, 4 + c] = x, v
+        k += 1
+
+
+@njit(cache=True, nogil=True)
+def advance(system, memory, options, first, revolutions, record):
+    """Integrate whole revolutions from the state and tangent in ``memory``, in place.
+
+    Parameters
+    ----------
+    system : tuple
+        (Film, RotorCoefficients), or what a bound system takes.
+    memory : Memory
+    options : Options
+    first : int
+        Number of revolutions done since the start of the run: tau = first * period.
+    revolutions : int
+        How many to do; row r of ``record`` receives revolution r.
+    record : Record
+
+    Returns
+    -------
+    status, done : int
+        Index into :data:`STATUS` and the number of complete revolutions.
+    """
+    u, v, stages, control = memory.state, memory.tangent, memory.stages, memory.control
+    new, new_v = stages[12], stages[13]
+    exponent = -0.25 if options.method == 0 else -1.0 / DTM_ORDER
+    samples = record.path.shape[1]
+    for row in range(revolutions):
+        start = (first + row) * options.period
+        end = (first + row + 1) * options.period
+        t, growth = start, 0.0
+        record.contact[row] = record.peak[row] = 0.0
+        steps = 0
+        while t < end:
+            natural = min(control[0], options.max_step) if control[0] > 0.0 else 0.1 * options.max_step
+            if options.fixed:
+                natural = options.max_step
+            remaining = end - t
+            h = natural
+            if h >= remaining * (1.0 - 1e-9):
+                h = remaining
+            elif h > 0.5 * remaining and not options.fixed:
+                h = 0.5 * remaining
+            if options.method == 0:
+                error = rodas_step(system, memory.work, stages, memory.series, t, h, u, v, options.tangent)
+            else:
+                error = dtm_step(system, memory.work, stages, memory.series, t, h, u, v, options.tangent)
+            steps += 1
+            control[1] += 1.0
+            size = error / options.tolerance
+            if not math.isfinite(size):
+                factor = 0.25
+            else:
+                factor = min(4.0, max(0.2, 0.9 * max(size, 1e-12) ** exponent))
+            if not size <= 1.0 and not (options.fixed and math.isfinite(size)):
+                control[0] = h * min(factor, 0.9)
+                control[2] += 1.0
+                if control[0] < _MIN_STEP or options.fixed:
+                    return STEP_TOO_SMALL, row
+                if steps > _MAX_STEPS:
+                    return TOO_MANY_STEPS, row
+                continue
+            # a step cut short to meet the end of the revolution does not shrink the next one
+            control[0] = h * factor if h >= natural * (1.0 - 1e-9) else max(natural, h * factor)
+            touchdown = observe(u, new, h, row, record)
+            if samples > 0:
+                sample(u, new, t, h, start, options.period / samples, row, record)
+            u[:] = new
+            t = end if h == remaining else t + h
+            if touchdown:
+                return TOUCHDOWN, row
+            if options.tangent:
+                total = splat(0.0)
+                for k in range(0, v.size, WIDTH):
+                    total = total + vload(new_v, k) * vload(new_v, k)
+                norm = 0.0
+                vstore(stages[14], 0, total)
+                for k in range(WIDTH):
+                    norm += stages[14, k]
+                norm = math.sqrt(norm)
+                if not (norm > 0.0 and math.isfinite(norm)):
+                    return STEP_TOO_SMALL, row
+                growth += math.log(norm)
+                for k in range(0, v.size, WIDTH):
+                    vstore(v, k, vload(new_v, k) * (1.0 / norm))
+            if steps > _MAX_STEPS:
+                return TOO_MANY_STEPS, row
+        n = u.size - ROTOR_STATES
+        for c in range(ROTOR_STATES):
+            record.section[row, c] = u[n + c]
+        record.growth[row] = growth
+    return OK, revolutions
+
+
+def bind(function, **replacements):
+    """Compile ``function`` (from this module) for another system.
+
+    The code object is the same; only the global names it calls are replaced, in it and in what it calls here.
+
+    Parameters
+    ----------
+    function : dispatcher
+        :func:`advance` or :func:`rodas_step`.
+    **replacements : dispatcher
+        Compiled functions by the name they replace: ``slope``, ``slope_tangent``, ``time_slope``, ``linearise``, ``solve``,
+        ``prepare_curvature``, ``add_curvature``, ``error_norm``, ``observe``.
+
+    Returns
+    -------
+    dispatcher
+    """
+    names = {**globals(), **replacements}
+    if function is advance and "rodas_step" not in replacements:
+        names["rodas_step"] = bind(rodas_step, **replacements)
+    source = function.py_func
+    return njit(nogil=True)(types.FunctionType(source.__code__, names, source.__name__))
+
+
+__all__ = ["DEFAULT_TOLERANCE", "MAX_STEP", "METHODS", "OK", "REVOLUTION", "STATUS", "STATUS_TEXT", "Memory", "Options",
+           "Record", "advance", "bind", "build_memory", "build_record", "rodas_step"]

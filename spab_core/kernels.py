@@ -1,0 +1,357 @@
+"""Compiled kernels of the film and rotor equations: slope, tangent slope, curvature, and the linear solver of a step.
+
+Each computes a readable formula named in its docstring. ``system`` is (Film, RotorCoefficients); a state is the flat
+vector [S by column of latitudes, padded to eights; 8 rotor states]. The integrator (:mod:`spab_core.integrate`) knows a
+system only through ``slope``, ``slope_tangent``, ``time_slope``, ``linearise``, ``solve``, ``prepare_curvature``,
+``add_curvature`` and ``error_norm``.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from spab_core.film import Film, film_size
+from spab_core.rotor import ROTOR_STATES
+from spab_core.simd import WIDTH, aligned_zeros, splat, vload, vstore, vsum
+
+NO_CONTACT_BELOW = 0.2  # there the asperity force is below rounding: exp(-0.8 / 0.2) needs s = 0.2, see contact()
+
+
+class Work(NamedTuple):
+    """Scratch memory of one trajectory (all float64).
+
+    ``y``, ``p`` hold 1/H and P at the point of linearisation and ``q`` its Q, ``dp``, ``dq`` their derivatives along the
+    tangent; ``tq``, ``tdq`` are the same of a stage. ``inverse``, ``fill``, ``row`` are the blocks of the factorised film
+    matrix, ``lower``, ``upper`` its couplings around, ``border`` its two columns for the journal position and ``small``
+    the 2 x 2 remainder for the journal's velocity.
+    """
+
+    y: np.ndarray
+    p: np.ndarray
+    q: np.ndarray
+    dp: np.ndarray
+    dq: np.ndarray
+    tq: np.ndarray
+    tdq: np.ndarray
+    inverse: np.ndarray
+    fill: np.ndarray
+    row: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    border: np.ndarray
+    scratch: np.ndarray
+    small: np.ndarray
+
+
+def build_work(film: Film) -> Work:
+    """Allocate the scratch memory of one trajectory."""
+    n, blocks = film_size(film), film.columns * film.padded**2
+    ghosted = film.columns * (film.padded + WIDTH) + 2 * WIDTH
+    sizes = {"q": ghosted, "tq": ghosted, "dq": ghosted, "tdq": ghosted, "inverse": blocks, "fill": blocks, "row": blocks,
+             "border": 2 * (n + ROTOR_STATES), "scratch": 6 * film.padded, "small": 32}
+    work = Work(*(aligned_zeros(sizes.get(name, n)) for name in Work._fields))
+    for q in (work.q, work.tq):
+        q[:] = 1.0  # Q = 1 beyond the edge; the derivatives there stay 0
+    return work
+
+
+@njit(cache=True, nogil=True)
+def _ramp(rotor, t):
+    return min(t / rotor.ramp, 1.0) if rotor.ramp > 0.0 else 1.0
+
+
+@njit(cache=True, nogil=True)
+def contact(rotor, x, y, vx, vy, a, b):
+    """rotor.contact_force with its derivatives along ``a`` and ``b`` (x, y, vx, vy) and the mixed second one.
+
+    The force is -(A + B) (x, y) - mu_f A (-y, x) with A = f/e, B = d f (x vx + y vy)/e². Returns eight floats:
+    F, dF[a], dF[b], d²F[a, b], x and y of each.
+    """
+    e2 = x * x + y * y
+    if e2 < NO_CONTACT_BELOW**2:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    e = math.sqrt(e2)
+    f = rotor.contact_force * math.exp((e - 1.0) / rotor.roughness)
+    k, i = 1.0 / rotor.roughness, 1.0 / e
+    big_a, big_c = f * i, rotor.damping * f * i * i
+    a1, a2 = big_a * (k - i), big_a * ((k - i) * (k - i) + i * i)
+    c1, c2 = big_c * (k - 2.0 * i), big_c * ((k - 2.0 * i) * (k - 2.0 * i) + 2.0 * i * i)
+    m = x * vx + y * vy
+    ea, eb = (x * a[0] + y * a[1]) * i, (x * b[0] + y * b[1]) * i
+    eab = (a[0] * b[0] + a[1] * b[1] - ea * eb) * i
+    ma = a[0] * vx + a[1] * vy + x * a[2] + y * a[3]
+    mb = b[0] * vx + b[1] * vy + x * b[2] + y * b[3]
+    mab = a[0] * b[2] + a[1] * b[3] + b[0] * a[2] + b[1] * a[3]
+    da, db, dab = a1 * ea, a1 * eb, a2 * ea * eb + a1 * eab
+    s = big_a + big_c * m
+    sa, sb = da + c1 * ea * m + big_c * ma, db + c1 * eb * m + big_c * mb
+    sab = dab + (c2 * ea * eb + c1 * eab) * m + c1 * (ea * mb + eb * ma) + big_c * mab
+    mu = rotor.friction
+    return (-s * x + mu * big_a * y, -s * y - mu * big_a * x,
+            -sa * x - s * a[0] + mu * (da * y + big_a * a[1]), -sa * y - s * a[1] - mu * (da * x + big_a * a[0]),
+            -sb * x - s * b[0] + mu * (db * y + big_a * b[1]), -sb * y - s * b[1] - mu * (db * x + big_a * b[0]),
+            -sab * x - sa * b[0] - sb * a[0] + mu * (dab * y + da * b[1] + db * a[1]),
+            -sab * y - sa * b[1] - sb * a[1] - mu * (dab * x + da * b[0] + db * a[0]))
+
+
+@njit(cache=True, nogil=True)
+def _rotor_linear(rotor, n, u, fx, fy, out):
+    """The linear part of rotor.rotor_slope, with (fx, fy) the sum of film and contact forces."""
+    dx, dy = u[n + 2] - u[n], u[n + 3] - u[n + 1]
+    out[n], out[n + 1], out[n + 2], out[n + 3] = u[n + 4], u[n + 5], u[n + 6], u[n + 7]
+    out[n + 4] = rotor.coupling_journal * dx + rotor.inverse_mass * fx
+    out[n + 5] = rotor.coupling_journal * dy + rotor.inverse_mass * fy
+    out[n + 6] = -rotor.coupling_disc * dx
+    out[n + 7] = -rotor.coupling_disc * dy
+
+
+@njit(cache=True, nogil=True)
+def _load(rotor, n, t, out):
+    """Add unbalance and gravity, both ramped."""
+    ramp = _ramp(rotor, t)
+    c, s = ramp * math.cos(t), ramp * math.sin(t)
+    out[n + 4] += rotor.unbalance_journal * c
+    out[n + 5] += rotor.unbalance_journal * s - ramp * rotor.gravity_journal
+    out[n + 6] += rotor.unbalance_disc * c
+    out[n + 7] += rotor.unbalance_disc * s - ramp * rotor.gravity_disc
+
+
+@njit(cache=True, nogil=True)
+def time_slope(system, t, out):
+    """Partial derivative of the slope with respect to tau: unbalance, and the ramp while it lasts."""
+    film, rotor = system
+    n = film.columns * film.padded
+    ramp = _ramp(rotor, t)
+    rate = 1.0 / rotor.ramp if rotor.ramp > 0.0 and t < rotor.ramp else 0.0
+    c = rate * math.cos(t) - ramp * math.sin(t)
+    s = rate * math.sin(t) + ramp * math.cos(t)
+    out[:] = 0.0
+    out[n + 4] = rotor.unbalance_journal * c
+    out[n + 5] = rotor.unbalance_journal * s - rate * rotor.gravity_journal
+    out[n + 6] = rotor.unbalance_disc * c
+    out[n + 7] = rotor.unbalance_disc * s - rate * rotor.gravity_disc
+
+
+@njit(cache=True, nogil=True)
+def slope(system, t, u, work, out):
+    """film.film_slope, film.film_force and rotor.rotor_slope. False where the journal is outside the clearance."""
+    film, rotor = system
+    mp, columns = film.padded, film.columns
+    n, stride = columns * mp, mp + WIDTH
+    x, y = u[n], u[n + 1]
+    if not x * x + y * y < 1.0:
+        return False
+    q = work.tq
+    fx, fy = splat(0.0), splat(0.0)
+    for j in range(columns):
+        g = x * film.cos[j] + y * film.sin[j]
+        for i in range(0, mp, WIDTH):
+            p = vload(u, j * mp + i) / (1.0 - vload(film.cos_centre, i) * g)
+            vstore(q, WIDTH + j * stride + i, p * p)
+            excess = (p - 1.0) * vload(film.weight, i)
+            fx = fx - excess * film.cos[j]
+            fy = fy - excess * film.sin[j]
+    for i in range(0, mp, WIDTH):
+        centre, up, down = vload(film.cos_centre, i), vload(film.cos_up, i), vload(film.cos_down, i)
+        k_up, k_down, k_around = vload(film.flux_up, i), vload(film.flux_down, i), vload(film.flux_around, i)
+        couette, feed = vload(film.couette, i), vload(film.feed, i)
+        last = columns - 1
+        h = 1.0 - centre * (x * film.cos_face[last] + y * film.sin_face[last])
+        west = k_around * (h * h * h) * (vload(q, WIDTH + i) - vload(q, WIDTH + last * stride + i))
+        for j in range(columns):
+            je, jw = (j + 1 if j < last else 0), (j - 1 if j > 0 else last)
+            o = WIDTH + j * stride + i
+            qc = vload(q, o)
+            g = x * film.cos[j] + y * film.sin[j]
+            h = 1.0 - up * g
+            total = k_up * (h * h * h) * (vload(q, o + 1) - qc)
+            h = 1.0 - down * g
+            total = total - k_down * (h * h * h) * (qc - vload(q, o - 1))
+            h = 1.0 - centre * (x * film.cos_face[j] + y * film.sin_face[j])
+            east = k_around * (h * h * h) * (vload(q, WIDTH + je * stride + i) - qc)
+            total = total + (east - west) + feed * (film.supply - qc)
+            total = total - couette * (vload(u, je * mp + i) - vload(u, jw * mp + i))
+            vstore(out, j * mp + i, total)
+            west = east
+    zero = (0.0, 0.0, 0.0, 0.0)
+    c = contact(rotor, x, y, u[n + 4], u[n + 5], zero, zero)
+    _rotor_linear(rotor, n, u, vsum(fx) + c[0], vsum(fy) + c[1], out)
+    _load(rotor, n, t, out)
+    return True
+
+
+@njit(cache=True, nogil=True)
+def slope_tangent(system, t, u, v, work, out, out_v):
+    """:func:`slope` at ``u`` and its derivative along ``v``, in one pass over memory."""
+    film, rotor = system
+    mp, columns = film.padded, film.columns
+    n, stride = columns * mp, mp + WIDTH
+    x, y, dx, dy = u[n], u[n + 1], v[n], v[n + 1]
+    if not x * x + y * y < 1.0:
+        return False
+    q, dq = work.tq, work.tdq
+    fx, fy, dfx, dfy = splat(0.0), splat(0.0), splat(0.0), splat(0.0)
+    for j in range(columns):
+        c, s = film.cos[j], film.sin[j]
+        g, dg = x * c + y * s, dx * c + dy * s
+        for i in range(0, mp, WIDTH):
+            centre, weight = vload(film.cos_centre, i), vload(film.weight, i)
+            inverse = 1.0 / (1.0 - centre * g)
+            p = vload(u, j * mp + i) * inverse
+            dp = (vload(v, j * mp + i) + p * (centre * dg)) * inverse
+            o = WIDTH + j * stride + i
+            vstore(q, o, p * p)
+            vstore(dq, o, (p + p) * dp)
+            excess, dexcess = (p - 1.0) * weight, dp * weight
+            fx, fy = fx - excess * c, fy - excess * s
+            dfx, dfy = dfx - dexcess * c, dfy - dexcess * s
+    for i in range(0, mp, WIDTH):
+        centre, up, down = vload(film.cos_centre, i), vload(film.cos_up, i), vload(film.cos_down, i)
+        k_up, k_down, k_around = vload(film.flux_up, i), vload(film.flux_down, i), vload(film.flux_around, i)
+        couette, feed = vload(film.couette, i), vload(film.feed, i)
+        last = columns - 1
+        h = 1.0 - centre * (x * film.cos_face[last] + y * film.sin_face[last])
+        dh = -3.0 * centre * (dx * film.cos_face[last] + dy * film.sin_face[last])
+        ol = WIDTH + last * stride + i
+        d = vload(q, WIDTH + i) - vload(q, ol)
+        k = k_around * (h * h)
+        west, dwest = k * h * d, k * (dh * d + h * (vload(dq, WIDTH + i) - vload(dq, ol)))
+        for j in range(columns):
+            je, jw = (j + 1 if j < last else 0), (j - 1 if j > 0 else last)
+            o, oe = WIDTH + j * stride + i, WIDTH + (j + 1 if j < last else 0) * stride + i
+            qc, dqc = vload(q, o), vload(dq, o)
+            g = x * film.cos[j] + y * film.sin[j]
+            dg = -3.0 * (dx * film.cos[j] + dy * film.sin[j])
+            h = 1.0 - up * g
+            k, d = k_up * (h * h), vload(q, o + 1) - qc
+            total = k * h * d
+            dtotal = k * (up * dg * d + h * (vload(dq, o + 1) - dqc))
+            h = 1.0 - down * g
+            k, d = k_down * (h * h), qc - vload(q, o - 1)
+            total = total - k * h * d
+            dtotal = dtotal - k * (down * dg * d + h * (dqc - vload(dq, o - 1)))
+            h = 1.0 - centre * (x * film.cos_face[j] + y * film.sin_face[j])
+            dh = -3.0 * centre * (dx * film.cos_face[j] + dy * film.sin_face[j])
+            k, d = k_around * (h * h), vload(q, oe) - qc
+            east, deast = k * h * d, k * (dh * d + h * (vload(dq, oe) - dqc))
+            total = total + (east - west) + feed * (film.supply - qc)
+            dtotal = dtotal + (deast - dwest) - feed * dqc
+            total = total - couette * (vload(u, je * mp + i) - vload(u, jw * mp + i))
+            dtotal = dtotal - couette * (vload(v, je * mp + i) - vload(v, jw * mp + i))
+            vstore(out, j * mp + i, total)
+            vstore(out_v, j * mp + i, dtotal)
+            west, dwest = east, deast
+    a = (dx, dy, v[n + 4], v[n + 5])
+    c = contact(rotor, x, y, u[n + 4], u[n + 5], a, (0.0, 0.0, 0.0, 0.0))
+    _rotor_linear(rotor, n, u, vsum(fx) + c[0], vsum(fy) + c[1], out)
+    _rotor_linear(rotor, n, v, vsum(dfx) + c[2], vsum(dfy) + c[3], out_v)
+    _load(rotor, n, t, out)
+    return True
+
+
+@njit(cache=True, nogil=True)
+def prepare_curvature(system, u, v, work):
+    """Keep the derivatives of P and Q along ``v`` at the point of linearisation ``u``, for :func:`add_curvature`."""
+    film, _ = system
+    mp, columns = film.padded, film.columns
+    n, stride = columns * mp, mp + WIDTH
+    for j in range(columns):
+        dg = v[n] * film.cos[j] + v[n + 1] * film.sin[j]
+        for i in range(0, mp, WIDTH):
+            p = vload(work.p, j * mp + i)
+            dp = (vload(v, j * mp + i) + p * (vload(film.cos_centre, i) * dg)) * vload(work.y, j * mp + i)
+            vstore(work.dp, j * mp + i, dp)
+            vstore(work.dq, WIDTH + j * stride + i, (p + p) * dp)
+
+
+@njit(cache=True, nogil=True)
+def add_curvature(system, u, v, w, scale, work, out):
+    """out += scale * d²f(u)[v, w], the second derivative of the slope, after :func:`prepare_curvature` for ``v``.
+
+    With P = S/H: d²P[v, w] = -(dwH dvP + dvH dwP)/H and d²Q = 2 (dvP dwP + P d²P); a face adds k [6 H dvH dwH DQ
+    + 3 H² (dvH D dwQ + dwH D dvQ) + H³ D d²Q].
+    """
+    film, rotor = system
+    mp, columns = film.padded, film.columns
+    n, stride = columns * mp, mp + WIDTH
+    x, y = u[n], u[n + 1]
+    q, vq, wq, vwq = work.q, work.dq, work.tdq, work.tq
+    fx, fy = splat(0.0), splat(0.0)
+    for j in range(columns):
+        c, s = film.cos[j], film.sin[j]
+        vg, wg = v[n] * c + v[n + 1] * s, w[n] * c + w[n + 1] * s
+        for i in range(0, mp, WIDTH):
+            centre, inverse, p = vload(film.cos_centre, i), vload(work.y, j * mp + i), vload(work.p, j * mp + i)
+            vp = vload(work.dp, j * mp + i)
+            wp = (vload(w, j * mp + i) + p * (centre * wg)) * inverse
+            vwp = (vp * wg + wp * vg) * (centre * inverse)
+            o = WIDTH + j * stride + i
+            vstore(wq, o, (p + p) * wp)
+            vstore(vwq, o, 2.0 * (vp * wp + p * vwp))
+            excess = vwp * vload(film.weight, i)
+            fx, fy = fx - excess * c, fy - excess * s
+    for j in range(columns):
+        vwq[WIDTH + j * stride + mp] = 0.0  # the ghost beyond the edge does not move
+    for i in range(0, mp, WIDTH):
+        centre, up, down = vload(film.cos_centre, i), vload(film.cos_up, i), vload(film.cos_down, i)
+        k_up, k_down, k_around = vload(film.flux_up, i), vload(film.flux_down, i), vload(film.flux_around, i)
+        feed = vload(film.feed, i)
+        last = columns - 1
+        west = splat(0.0)
+        for jj in range(columns + 1):
+            j = jj - 1 if jj > 0 else last  # the face west of column 0 first
+            o, oe = WIDTH + j * stride + i, WIDTH + (j + 1 if j < last else 0) * stride + i
+            cf, sf = film.cos_face[j], film.sin_face[j]
+            h = 1.0 - centre * (x * cf + y * sf)
+            vh, wh = -centre * (v[n] * cf + v[n + 1] * sf), -centre * (w[n] * cf + w[n + 1] * sf)
+            east = k_around * h * (6.0 * (vh * wh) * (vload(q, oe) - vload(q, o))
+                                   + 3.0 * h * (vh * (vload(wq, oe) - vload(wq, o)) + wh * (vload(vq, oe) - vload(vq, o)))
+                                   + h * h * (vload(vwq, oe) - vload(vwq, o)))
+            if jj > 0:
+                c, s = film.cos[j], film.sin[j]
+                g, vg, wg = x * c + y * s, v[n] * c + v[n + 1] * s, w[n] * c + w[n + 1] * s
+                h, vh, wh = 1.0 - up * g, -up * vg, -up * wg
+                total = k_up * h * (6.0 * (vh * wh) * (vload(q, o + 1) - vload(q, o))
+                                    + 3.0 * h * (vh * (vload(wq, o + 1) - vload(wq, o))
+                                                 + wh * (vload(vq, o + 1) - vload(vq, o)))
+                                    + h * h * (vload(vwq, o + 1) - vload(vwq, o)))
+                h, vh, wh = 1.0 - down * g, -down * vg, -down * wg
+                total = total - k_down * h * (6.0 * (vh * wh) * (vload(q, o) - vload(q, o - 1))
+                                              + 3.0 * h * (vh * (vload(wq, o) - vload(wq, o - 1))
+                                                           + wh * (vload(vq, o) - vload(vq, o - 1)))
+                                              + h * h * (vload(vwq, o) - vload(vwq, o - 1)))
+                total = total + (east - west) - feed * vload(vwq, o)
+                vstore(out, j * mp + i, vload(out, j * mp + i) + scale * total)
+            west = east
+    for j in range(columns):
+        vwq[WIDTH + j * stride + mp] = 1.0
+    a, b = (v[n], v[n + 1], v[n + 4], v[n + 5]), (w[n], w[n + 1], w[n + 4], w[n + 5])
+    c = contact(rotor, x, y, u[n + 4], u[n + 5], a, b)
+    out[n + 4] += scale * rotor.inverse_mass * (vsum(fx) + c[6])
+    out[n + 5] += scale * rotor.inverse_mass * (vsum(fy) + c[7])
+
+
+@njit(cache=True, nogil=True)
+def error_norm(system, u, new, error):
+    """Size of a step's error: the worst of journal and disc position (over C), velocity (over 1 + speed) and film (rms)."""
+    film, _ = system
+    n = film.columns * film.padded
+    total = 0.0
+    for k in range(n):
+        scaled = error[k] / (1.0 + abs(new[k]))
+        total += scaled * scaled
+        if not new[k] > 0.0:
+            return math.inf  # gas content must stay positive
+    worst = math.sqrt(total / (film.columns * film.cells))
+    speed = 1.0
+    for k in range(n + 4, n + 8):
+        speed = max(speed, abs(new[k]))
+    for k in range(n, n + 4):
+        worst = max(worst, abs(error[k]), abs(error[k + 4]) / speed)
+    if not new[n] * new[n] + new[n + 1] * new[n + 1] < 1.0:
+        return math.inf
+    return worst
