@@ -1,0 +1,57 @@
+"""Rotors on spherical porous gas bearings: what they do at a rotor mass and bearing number, and how far trouble is.
+
+Module          What it answers
+--------------  ------------------------------------------------------------------------------------------------
+design          What is drawn: bearing, gas, rotor, contact in SI units; TOML files; dimensionless groups
+film            The film mesh and the discretised Reynolds equation, readable
+rotor           Disc, journal, shaft and contact, readable
+simd, kernels   The same equations compiled, eight latitudes to a register; their tangent and curvature
+linear          The linear system of an implicit step, solved exactly by blocks
+dtm             The paper's scheme: differential transformation in time
+integrate       Steps, step control, tangent; any system by ``bind``
+simulate        One trajectory from the cold start -> Trajectory
+lyapunov        Growth of the tangent -> Exponent
+regimes         Section and exponent -> Regime
+point           The three together at one operating point -> OperatingPoint
+stability       Static equilibrium, stiffness, linear whirl threshold
+stability_map   A plane of operating points -> StabilityMap; chunks, resume, save, load
+artifacts       What is shipped, with checksums
+figures         Plotly figures from results
+ui              The only part that knows Streamlit
+cli             The command ``spab``
+"""
+
+import os
+import tempfile
+from pathlib import Path
+
+
+def _writable_numba_cache() -> None:
+    """Give numba a place for compiled kernels where neither the package folder nor the home can be written."""
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        return
+    candidates = [Path(__file__).parent, Path.home()]
+    if not any(os.access(path, os.W_OK) for path in candidates):
+        os.environ["NUMBA_CACHE_DIR"] = str(Path(tempfile.gettempdir()) / f"spab-numba-{os.getuid()}")
+
+
+_writable_numba_cache()
+
+from spab_core.design import Design, DesignError, InputError, load_design, reference_design, save_design  # noqa: E402
+from spab_core.point import OperatingPoint, solve_point  # noqa: E402
+from spab_core.simulate import Settings, simulate  # noqa: E402
+from spab_core.stability import (  # noqa: E402
+    concentric_stiffness,
+    linear_spectrum,
+    static_equilibrium,
+    whirl_thresholds,
+)
+from spab_core.stability_map import StabilityMap, compute_map, load_map, save_map  # noqa: E402
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Design", "DesignError", "InputError", "OperatingPoint", "Settings", "StabilityMap", "__version__", "compute_map",
+    "concentric_stiffness", "linear_spectrum", "load_design", "load_map", "reference_design", "save_design", "save_map",
+    "simulate", "solve_point", "static_equilibrium", "whirl_thresholds",
+]

@@ -16,7 +16,11 @@ from importlib import resources
 from pathlib import Path
 
 
-class DesignError(ValueError):
+class InputError(ValueError):
+    """Something a person gave is wrong; the message is a sentence that says what, and what is allowed."""
+
+
+class DesignError(InputError):
     """A design value that is missing, unknown, of the wrong kind or out of range; the message says which and why."""
 
 

@@ -48,7 +48,7 @@ STATUS_TEXT = {
     "too-many-steps": "a revolution took too many steps; try method rodas or a larger tolerance",
 }
 
-DEFAULT_TOLERANCE = 1e-4
+DEFAULT_TOLERANCE = 2e-4
 MAX_STEP = REVOLUTION / 8.0
 _MIN_STEP = 1e-10
 _MAX_STEPS = 400_000  # in one revolution
@@ -133,7 +133,7 @@ def build_record(revolutions: int, samples: int) -> Record:
 
 
 class Memory(NamedTuple):
-    """State, tangent and scratch of one trajectory; ``control`` is [natural step, steps, rejected steps, evaluations]."""
+    """State, tangent and scratch of one trajectory; ``control`` is [next step, steps, rejected, last step, its error]."""
 
     work: Work
     stages: np.ndarray
@@ -157,7 +157,7 @@ def build_memory(film: Film, method: str = "rodas") -> Memory:
     tangent[n], tangent[n + 1], tangent[n + 4], tangent[n + 5] = 0.5, 0.3, 0.4, -0.2
     tangent /= np.linalg.norm(tangent)
     stages = aligned_zeros(20 * size).reshape(20, size)
-    return Memory(build_work(film), stages, build_series(film, METHODS.index(method)), state, tangent, np.zeros(4))
+    return Memory(build_work(film), stages, build_series(film, METHODS.index(method)), state, tangent, np.zeros(5))
 
 
 @njit(cache=True, nogil=True, forceinline=True)
@@ -311,7 +311,11 @@ def advance(system, memory, options, first, revolutions, record):
             if not math.isfinite(size):
                 factor = 0.25
             else:
-                factor = min(4.0, max(0.2, 0.9 * max(size, 1e-12) ** exponent))
+                factor = 0.9 * max(size, 1e-12) ** exponent
+                if size <= 1.0 and control[3] > 0.0 and size > 1e-3:
+                    # Gustafsson's predictive control: where errors grow from step to step, shrink ahead of them
+                    factor = min(factor, factor * h / control[3] * (size / control[4]) ** exponent)
+                factor = min(4.0, max(0.2, factor))
             if not size <= 1.0 and not (options.fixed and math.isfinite(size)):
                 control[0] = h * min(factor, 0.9)
                 control[2] += 1.0
@@ -320,6 +324,7 @@ def advance(system, memory, options, first, revolutions, record):
                 if steps > _MAX_STEPS:
                     return TOO_MANY_STEPS, row
                 continue
+            control[3], control[4] = h, max(size, 1e-3)
             # a step cut short to meet the end of the revolution does not shrink the next one
             control[0] = h * factor if h >= natural * (1.0 - 1e-9) else max(natural, h * factor)
             touchdown = observe(u, new, h, row, record)
@@ -376,5 +381,16 @@ def bind(function, **replacements):
     return njit(nogil=True)(types.FunctionType(source.__code__, names, source.__name__))
 
 
+def is_compiled() -> bool:
+    """Whether :func:`advance` is in numba's cache, so that a first run need not compile it."""
+    if advance.signatures:
+        return True
+    try:
+        return bool(advance._cache._cache_file._load_index())
+    except Exception:  # numba's private interface may change: then compiling is just not announced
+        return True
+
+
 __all__ = ["DEFAULT_TOLERANCE", "MAX_STEP", "METHODS", "OK", "REVOLUTION", "STATUS", "STATUS_TEXT", "Memory", "Options",
-           "Record", "advance", "bind", "build_memory", "build_record", "rodas_step"]
+           "Record", "advance", "bind", "build_memory", "build_record", "is_compiled",
+           "rodas_step"]

@@ -1,0 +1,214 @@
+"""The command ``spab``: every answer as text for people or, with --json, as one JSON object."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import json
+import sys
+from pathlib import Path
+
+from tqdm import tqdm
+
+from spab_core import __version__
+from spab_core.design import InputError, check_number, load_design, reference_design, write_atomically
+from spab_core.film import DEFAULT_MESH, SCHEMES, parse_mesh
+from spab_core.integrate import DEFAULT_TOLERANCE, METHODS, is_compiled
+from spab_core.point import solve_point
+from spab_core.simulate import BEARING_NUMBER_RANGE, Settings, path_angle
+from spab_core.stability import concentric_stiffness, whirl_thresholds
+from spab_core.stability_map import axis, compute_map, remove_parts, save_map
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one sentence and exits with 2."""
+
+    def error(self, message):
+        print(f"{self.prog}: {message}", file=sys.stderr)
+        raise SystemExit(2)
+
+
+def _number(text):
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text[:40]!r} is not a number") from None
+
+
+def _whole(text):
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text[:40]!r} is not a whole number") from None
+
+
+def _build_parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="spab", description="Rotors on spherical porous gas bearings: regimes, exponents, stability maps.")
+    parser.add_argument("--version", action="version", version=f"spab {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, parser_class=_Parser)
+
+    def command(name, text):
+        sub = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
+        sub.add_argument("--design", metavar="FILE.toml", help="design file; left out: the reference design")
+        sub.add_argument("--mesh", default=str(DEFAULT_MESH), help="latitude x azimuth cells, such as 8x32")
+        sub.add_argument("--json", action="store_true", help="print one JSON object")
+        return sub
+
+    def run_options(sub, revolutions):
+        sub.add_argument("--transient", type=_whole, default=300, help="revolutions before the measurement")
+        sub.add_argument("--revolutions", type=_whole, default=revolutions, help="revolutions measured")
+        sub.add_argument("--method", default="rodas", help=f"time integrator: {' or '.join(METHODS)}")
+        sub.add_argument("--scheme", default="fitted", help=f"film differences: {' or '.join(SCHEMES)}")
+        sub.add_argument("--tolerance", type=_number, default=DEFAULT_TOLERANCE, help="largest error estimate of a step")
+
+    sub = command("simulate", "solve one operating point: regime and maximum Lyapunov exponent")
+    sub.add_argument("--rotor-mass", type=_number, required=True, help="kg on one bearing")
+    sub.add_argument("--bearing-number", type=_number, required=True)
+    sub.add_argument("--orbit", metavar="FILE.csv", help="write the last orbits, 96 points a revolution")
+    run_options(sub, 400)
+    sub.set_defaults(run=_simulate)
+
+    sub = command("stiffness", "static stiffness of the film about the centre")
+    sub.add_argument("--bearing-number", type=_number, required=True)
+    sub.set_defaults(run=_stiffness)
+
+    sub = command("whirl-threshold", "rotor mass at which the static equilibrium changes its linear stability")
+    sub.add_argument("--bearing-number", type=_number, required=True)
+    sub.set_defaults(run=_whirl_threshold)
+
+    sub = command("map", "solve a plane of operating points")
+    sub.add_argument("--bearing-number", required=True, metavar="START:STOP:COUNT")
+    sub.add_argument("--rotor-mass", required=True, metavar="START:STOP:COUNT", help="kg on one bearing")
+    sub.add_argument("--out", required=True, metavar="FILE.npz")
+    sub.add_argument("--workers", type=_whole, default=1, help="processes")
+    run_options(sub, 300)
+    sub.set_defaults(run=_map)
+    return parser
+
+
+def _settings(args) -> Settings:
+    return Settings(args.mesh, args.method, args.transient, args.revolutions, args.tolerance, args.scheme)
+
+
+def _design(args):
+    return load_design(args.design) if args.design else reference_design()
+
+
+def _say_compiling():
+    if not is_compiled():
+        print("spab: compiling the kernels, once on this machine (about a minute)", file=sys.stderr, flush=True)
+
+
+def _check_folder(path: str, option: str) -> None:
+    target = Path(path)
+    if "\0" in path or target.is_dir() or not target.parent.is_dir():
+        raise InputError(f"{option} = {path!r} cannot be written: give a file name in a folder that exists")
+
+
+_ORBIT_REVOLUTIONS = 50
+
+
+def _simulate(args) -> dict:
+    settings = _settings(args)
+    if args.orbit:
+        _check_folder(args.orbit, "--orbit")
+    _say_compiling()
+    point = solve_point(_design(args), args.rotor_mass, args.bearing_number, settings,
+                        path_revolutions=_ORBIT_REVOLUTIONS if args.orbit else 0)
+    if args.orbit:
+        text = io.StringIO()
+        writer = csv.writer(text)
+        writer.writerow(["tau", "X2", "Y2", "X1", "Y1", "X2_dot", "Y2_dot", "X1_dot", "Y1_dot"])
+        states = point.trajectory.path.reshape(-1, 8)
+        writer.writerows([f"{t:.6f}", *(f"{v:.8g}" for v in row)]
+                         for t, row in zip(path_angle(point.trajectory), states, strict=True))
+        write_atomically(args.orbit, text.getvalue().encode())
+    record = point.record()
+    if not args.json:
+        print(point.verdict())
+        if point.mle:
+            print(f"MLE {point.mle.value:+.4f} ± {point.mle.standard_error:.4f} per revolution at "
+                  f"{record['speed_rpm']:,.0f} rpm; largest eccentricity {record['max_eccentricity']:.3f} of the clearance; "
+                  f"{record['revolutions']} revolutions in {record['wall_seconds']:.2f} s")
+    return record
+
+
+def _stiffness(args) -> dict:
+    design = _design(args)
+    check_number("bearing number", args.bearing_number, *BEARING_NUMBER_RANGE)
+    kxx, kyx = concentric_stiffness(design, args.bearing_number, parse_mesh(args.mesh))
+    unit = design.stiffness_unit
+    if not args.json:
+        print(f"K_xx = {kxx:.5f}, K_yx = {kyx:.5f} (p_a R² / C); {kxx * unit:.4g} and {kyx * unit:.4g} N/m")
+    return {"kxx": kxx, "kyx": kyx, "kxx_n_per_m": kxx * unit, "kyx_n_per_m": kyx * unit}
+
+
+def _whirl_threshold(args) -> dict:
+    check_number("bearing number", args.bearing_number, *BEARING_NUMBER_RANGE)
+    found = whirl_thresholds(_design(args), args.bearing_number, parse_mesh(args.mesh))
+    if not args.json:
+        for t in found:
+            print(f"stable {t.stable_side} {t.critical_mass:.4f} kg (M = {t.critical_mass_number:.4f}); "
+                  f"whirl at {t.whirl_ratio:.4f} of the shaft speed")
+        if not found:
+            print("no threshold between 0.01 and 100 kg")
+    first = found[0] if found else None
+    return {
+        "critical_mass_kg": first.critical_mass if first else None,
+        "critical_mass_number": first.critical_mass_number if first else None,
+        "whirl_ratio": first.whirl_ratio if first else None,
+        "thresholds": [{"critical_mass_kg": t.critical_mass, "critical_mass_number": t.critical_mass_number,
+                        "whirl_ratio": t.whirl_ratio, "stable_side": t.stable_side} for t in found],
+    }
+
+
+def _map(args) -> dict:
+    bearing_number, rotor_mass = axis(args.bearing_number, "--bearing-number"), axis(args.rotor_mass, "--rotor-mass")
+    check_number("--workers", args.workers, 1, 1024)
+    settings, design = _settings(args), _design(args)
+    _check_folder(args.out, "--out")
+    parts = Path(f"{args.out}.parts")
+    _say_compiling()
+    with tqdm(total=len(bearing_number) * len(rotor_mass), unit="cell", smoothing=0.05) as bar:
+        try:
+            result = compute_map(design, bearing_number, rotor_mass, settings, workers=args.workers, parts=parts,
+                                 progress=bar.update)
+        except KeyboardInterrupt:
+            bar.close()
+            print(f"spab: stopped; finished chunks are kept in {parts}: the same command goes on from them", file=sys.stderr)
+            raise SystemExit(130) from None
+    save_map(result, args.out)
+    remove_parts(parts)
+    names, counts = _count(result)
+    if not args.json:
+        print(f"{args.out}: " + ", ".join(f"{n} {c}" for n, c in zip(names, counts, strict=True)))
+    return {"out": args.out, "cells": int(result.mle.size), "regimes": dict(zip(names, counts, strict=True)),
+            "wall_seconds": result.metadata["wall_seconds"]}
+
+
+def _count(result):
+    labels = [r or s for r, s in zip(result.regime.ravel().tolist(), result.status.ravel().tolist(), strict=True)]
+    names = sorted(set(labels))
+    return names, [labels.count(n) for n in names]
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command line; returns the exit code: 0, or 2 for bad input."""
+    parser = _build_parser()
+    args = parser.parse_args(argv)
+    try:
+        answer = args.run(args)
+    except InputError as error:
+        print(f"spab {args.command}: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"spab {args.command}: {error.filename or 'file'}: {error.strerror or error}", file=sys.stderr)
+        return 2
+    if args.json:
+        print(json.dumps(answer, allow_nan=False))
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

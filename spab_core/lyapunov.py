@@ -1,0 +1,63 @@
+"""Maximum Lyapunov exponent from the growth of the tangent, per revolution, natural logarithm.
+
+The tangent-linear flow of the whole state, film and rotor, is integrated with the trajectory and renormalised at every
+step (:func:`spab_core.integrate.advance`). For a forced rotor the phase is no state: a periodic orbit has a negative
+exponent, a torus zero, chaos a positive one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+BATCHES = 20
+_CYCLE = 12  # batches of a multiple of 12 revolutions see whole cycles of periods 2, 3, 4, 6 and 12
+
+
+@dataclass(frozen=True)
+class Exponent:
+    """A maximum Lyapunov exponent.
+
+    Attributes
+    ----------
+    value : float
+        Per revolution, natural log; divide by 2 pi for per unit tau, multiply by omega / 2 pi for per second.
+    standard_error : float
+        Of the mean, by batch means.
+    trace : ndarray, (revolutions,)
+        Running estimate after each measured revolution.
+    """
+
+    value: float
+    standard_error: float
+    trace: np.ndarray
+
+
+def exponent(growth: np.ndarray) -> Exponent | None:
+    """Mean growth with its standard error.
+
+    Parameters
+    ----------
+    growth : ndarray, (revolutions,)
+        Natural log of the tangent's growth in each revolution.
+
+    Returns
+    -------
+    Exponent or None
+        None for fewer than two revolutions or growth that is not finite.
+
+    Notes
+    -----
+    The error is that of the means of about :data:`BATCHES` consecutive batches, which keeps its meaning where successive revolutions are correlated (Law and Kelton, Simulation Modeling and Analysis, section 9.5.3).
+    """
+    n = len(growth)
+    if n < 2 or not np.all(np.isfinite(growth)):
+        return None
+    size = max(n // BATCHES, 1)
+    size -= size % _CYCLE if size > _CYCLE else 0
+    batches = n // size
+    means = growth[n - batches * size:].reshape(batches, size).mean(axis=1)
+    trace = np.cumsum(growth) / np.arange(1, n + 1)
+    return Exponent(float(trace[-1]), float(means.std(ddof=1) / math.sqrt(batches)), trace)

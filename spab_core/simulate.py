@@ -1,0 +1,206 @@
+"""One trajectory from the cold start: rotor at rest at the centre, P = 1, load and unbalance raised over 30 revolutions."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from spab_core.design import Design, DesignError, check_number
+from spab_core.film import DEFAULT_MESH, SCHEMES, Mesh, build_film, film_array, parse_mesh
+from spab_core.integrate import (
+    DEFAULT_TOLERANCE,
+    METHODS,
+    OK,
+    REVOLUTION,
+    STATUS,
+    Options,
+    advance,
+    build_memory,
+    build_record,
+)
+from spab_core.rotor import build_rotor
+
+ROTOR_MASS_RANGE = (1e-3, 1e3)  # kg
+BEARING_NUMBER_RANGE = (0.01, 50.0)
+ALIGNMENT = 100  # last revolutions of the transient (at most half of it) in which the tangent already runs: on a sheared
+# torus it grows like the time, which leaves a bias of ln(1 + T/a)/T after T measured and a aligning revolutions
+_CHUNK = 25  # revolutions between progress reports
+
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How long and how finely to integrate.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        Latitude x azimuth cells of the half band.
+    method : str
+        ``rodas`` or ``dtm`` (:mod:`spab_core.integrate`).
+    transient, revolutions : int
+        Revolutions before and during the measurement.
+    tolerance : float
+        Largest error estimate of a step, lengths over C.
+    scheme : str
+        Film differences, ``fitted`` or ``plain`` (:func:`spab_core.film.build_film`).
+    """
+
+    mesh: Mesh = DEFAULT_MESH
+    method: str = "rodas"
+    transient: int = 300
+    revolutions: int = 400
+    tolerance: float = DEFAULT_TOLERANCE
+    scheme: str = "fitted"
+
+    def __post_init__(self):
+        object.__setattr__(self, "mesh", parse_mesh(self.mesh if isinstance(self.mesh, str) else Mesh(*self.mesh)))
+        for name, allowed in (("method", METHODS), ("scheme", SCHEMES)):
+            if getattr(self, name) not in allowed:
+                raise DesignError(f"{name} = {str(getattr(self, name))[:40]!r} is not allowed: choose {' or '.join(allowed)}")
+        for name, low, high in (("transient", 0, 100_000), ("revolutions", 20, 100_000)):
+            value = getattr(self, name)
+            check_number(name, value, low, high, "revolutions")
+            if value != int(value):
+                raise DesignError(f"{name} = {value} must be a whole number of revolutions")
+        check_number("tolerance", self.tolerance, 1e-10, 1e-2)
+
+    def to_dict(self) -> dict:
+        """Plain dictionary, the mesh as text."""
+        return {**dataclasses.asdict(self), "mesh": str(self.mesh)}
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """What one run gave. Lengths over C, time as tau = omega t; arrays cover the measured revolutions.
+
+    Attributes
+    ----------
+    status : str
+        One of ``integrate.STATUS``; not ``ok`` means that the run ended at its revolution ``completed``.
+    completed : int
+        Revolutions done, transient included.
+    section : ndarray, (revolutions, 8)
+        Rotor state [X2, Y2, X1, Y1, X2', Y2', X1', Y1'] at tau = 2 pi k.
+    growth : ndarray, (revolutions,)
+        Natural log of the tangent's growth in each revolution.
+    contact : ndarray, (revolutions,)
+        Share of each revolution spent at an eccentricity above 0.9.
+    peak : ndarray, (revolutions,)
+        Largest eccentricity in each revolution.
+    path : ndarray, (path revolutions, samples, 8)
+        Rotor states in the last recorded revolutions.
+    start_path : ndarray
+        The same for the first revolutions of the run.
+    pressure : ndarray, (azimuth, latitude)
+        P over the half band at the end.
+    steps : int
+        Integration steps taken.
+    wall_seconds : float
+    """
+
+    status: str
+    completed: int
+    section: np.ndarray
+    growth: np.ndarray
+    contact: np.ndarray
+    peak: np.ndarray
+    path: np.ndarray
+    start_path: np.ndarray
+    pressure: np.ndarray
+    steps: int
+    wall_seconds: float
+
+
+def check_point(rotor_mass: float, bearing_number: float) -> None:
+    """Raise :class:`DesignError` unless the operating point is in the allowed ranges."""
+    check_number("rotor mass", rotor_mass, *ROTOR_MASS_RANGE, "kg")
+    check_number("bearing number", bearing_number, *BEARING_NUMBER_RANGE)
+
+
+def simulate(design: Design, rotor_mass: float, bearing_number: float, settings: Settings | None = None, *,
+             path_revolutions: int = 0, samples: int = 96, progress: Progress | None = None) -> Trajectory:
+    """Run one operating point from the cold start (docs/model.md, section 6).
+
+    Parameters
+    ----------
+    design : Design
+    rotor_mass : float
+        Whole mass on one bearing, kg.
+    bearing_number : float
+        Lambda.
+    settings : Settings
+    path_revolutions : int
+        How many of the last measured revolutions, and of the first of all, to keep as paths.
+    samples : int
+        Points a revolution of a path.
+    progress : callable
+        Called with the number of revolutions done since the last call; an exception from it stops the run.
+
+    Returns
+    -------
+    Trajectory
+        A failed run is a status, not an exception.
+
+    Raises
+    ------
+    DesignError
+        For an operating point out of range.
+    """
+    settings = settings or Settings()
+    check_point(rotor_mass, bearing_number)
+    began = time.perf_counter()
+    film = build_film(design, bearing_number, settings.mesh, settings.scheme)
+    system = (film, build_rotor(design, rotor_mass, bearing_number))
+    memory = build_memory(film, settings.method)
+    done = 0
+    status = OK
+
+    def run(revolutions, *, tangent=False, keep=0):
+        nonlocal done, status
+        record = build_record(revolutions, samples if keep else 0)
+        row = 0
+        while row < revolutions and status == OK:
+            count = min(_CHUNK, revolutions - row)
+            part = type(record)(*(a[row:row + count] for a in record))
+            options = Options(METHODS.index(settings.method), settings.tolerance, tangent=tangent)
+            status, completed = advance(system, memory, options, done, count, part)
+            row += completed
+            done += completed
+            if progress:
+                progress(completed)
+        return type(record)(*(a[:row] for a in record))
+
+    transient = int(settings.transient)
+    early = min(path_revolutions, transient)
+    first = run(early, keep=early)
+    aligned = min(ALIGNMENT, transient // 2, transient - early)
+    run(transient - early - aligned)
+    run(aligned, tangent=True)
+    kept = min(path_revolutions, int(settings.revolutions))
+    main = run(int(settings.revolutions) - kept, tangent=True)
+    last = run(kept, tangent=True, keep=kept)
+
+    n = film.columns * film.padded
+    state = memory.state
+    if design.rigid:  # the disc is the journal
+        for record in (first, main, last):
+            for array in (record.section, record.path):
+                array[..., 2:4], array[..., 6:8] = array[..., 0:2], array[..., 4:6]
+    gap = 1.0 - np.outer(state[n] * film.cos + state[n + 1] * film.sin, film.cos_centre[: film.cells])
+    both = [np.concatenate(pair) for pair in zip(main[:4], last[:4], strict=True)]
+    return Trajectory(STATUS[status], done, both[0], both[1], both[2] / REVOLUTION, both[3], last.path, first.path,
+                      film_array(film, state) / gap, int(memory.control[1]), time.perf_counter() - began)
+
+
+def path_angle(trajectory: Trajectory) -> np.ndarray:
+    """Shaft angle tau of the flattened last path, shape (path revolutions * samples,)."""
+    revolutions, samples, _ = trajectory.path.shape
+    start = 2.0 * math.pi * (trajectory.completed - revolutions)
+    return start + np.arange(revolutions * samples) * (2.0 * math.pi / max(samples, 1))

@@ -1,0 +1,287 @@
+"""Static equilibrium, film stiffness and the linear whirl threshold: eigenvalues of the full linearised system.
+
+Everything here uses the same discrete equations as the integrator, through the compiled tangent.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy.optimize import brentq
+
+from spab_core.design import Design
+from spab_core.film import DEFAULT_MESH, Film, Mesh, build_film, film_size
+from spab_core.kernels import build_work, slope_tangent
+from spab_core.rotor import ROTOR_STATES, RotorCoefficients, build_rotor
+
+THRESHOLD_RANGE = (1e-2, 1e2)  # kg, searched for the whirl threshold
+_NEWTON_STEPS = 60
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """Static equilibrium under gravity, without unbalance.
+
+    Attributes
+    ----------
+    eccentricity : float
+        Over C.
+    attitude_angle : float
+        Between the load (-Y) and the journal's displacement, deg, positive with the rotation.
+    state : ndarray
+        Full state vector.
+    """
+
+    eccentricity: float
+    attitude_angle: float
+    state: np.ndarray
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """Where the static equilibrium loses or gains linear stability as the rotor mass changes, at one bearing number.
+
+    Attributes
+    ----------
+    critical_mass : float
+        kg on one bearing.
+    critical_mass_number : float
+        M at that mass.
+    whirl_ratio : float
+        Whirl frequency over the shaft speed.
+    stable_side : str
+        ``below`` or ``above``: the side of ``critical_mass`` where the equilibrium is stable.
+    """
+
+    critical_mass: float
+    critical_mass_number: float
+    whirl_ratio: float
+    stable_side: str
+
+
+def _unknowns(film: Film, rigid: bool) -> np.ndarray:
+    """Positions in the state vector that really are unknowns: no padded cells, no disc for a rigid rotor."""
+    n = film_size(film)
+    cells = np.arange(n).reshape(film.columns, film.padded)[:, : film.cells].ravel()
+    return np.concatenate([cells, n + np.array([0, 1, 4, 5] if rigid else range(ROTOR_STATES))])
+
+
+def _without_unbalance(rotor: RotorCoefficients) -> RotorCoefficients:
+    return rotor._replace(unbalance_disc=0.0, unbalance_journal=0.0, ramp=0.0)
+
+
+def slope_and_jacobian(film: Film, rotor: RotorCoefficients, state: np.ndarray,
+                       columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Slope and its derivative with respect to the states at ``columns``, by the compiled tangent.
+
+    Returns
+    -------
+    slope : ndarray, (n,)
+    jacobian : ndarray, (n, len(columns))
+
+    Raises
+    ------
+    ValueError
+        Where the journal is outside the clearance.
+    """
+    n = len(state)
+    out, transposed = np.zeros(n), np.empty((len(columns), n))
+    if not _fill_jacobian((film, rotor), state, columns, build_work(film), out, transposed):
+        raise ValueError("the journal is outside the clearance")
+    return out, transposed.T
+
+
+@njit(cache=True, nogil=True)
+def _fill_jacobian(system, state, columns, work, out, transposed):
+    """Slope, and one row of ``transposed`` for each column of the Jacobian asked for."""
+    direction = np.zeros(state.size)
+    for k in range(columns.size):
+        direction[columns[k]] = 1.0
+        if not slope_tangent(system, 0.0, state, direction, work, out, transposed[k]):
+            return False
+        direction[columns[k]] = 0.0
+    return True
+
+
+def _concentric(film: Film) -> np.ndarray:
+    state = np.zeros(film_size(film) + ROTOR_STATES)
+    state[: film_size(film)] = 1.0
+    return state
+
+
+def concentric_state(film: Film, rotor: RotorCoefficients) -> np.ndarray:
+    """Steady film of the centred, unloaded journal: Newton's method from P = 1."""
+    state = _concentric(film)
+    cells = _unknowns(film, True)[:-4]
+    for _ in range(_NEWTON_STEPS):
+        value, jacobian = slope_and_jacobian(film, rotor, state, cells)
+        step = np.linalg.solve(jacobian[cells], value[cells])
+        fraction = 1.0
+        while (state[cells] - fraction * step).min() <= 0.0:
+            fraction *= 0.5
+        state[cells] -= fraction * step
+        if np.abs(step).max() < 1e-12:
+            break
+    return state
+
+
+def concentric_stiffness(design: Design, bearing_number: float, mesh: Mesh = DEFAULT_MESH) -> tuple[float, float]:
+    """Static stiffness of the film about the centre: F_x = -K_xx X, F_y = +K_yx X.
+
+    Parameters
+    ----------
+    design : Design
+    bearing_number : float
+    mesh : Mesh
+
+    Returns
+    -------
+    kxx, kyx : float
+        Over p_a R² per clearance; times ``design.stiffness_unit`` in N/m. K_xx = K_yy, K_xy = -K_yx by symmetry.
+    """
+    film = build_film(design, bearing_number, mesh)
+    rotor = _without_unbalance(build_rotor(design.replace(rotor__gravity=0.0), 1.0, bearing_number))
+    rotor = rotor._replace(contact_force=0.0)
+    state = concentric_state(film, rotor)
+    cells, n = _unknowns(film, True)[:-4], film_size(film)
+    _, jacobian = slope_and_jacobian(film, rotor, state, np.append(cells, n))
+    response = np.linalg.solve(jacobian[cells][:, :-1], -jacobian[cells, -1])
+    force = (jacobian[n + 4:n + 6, :-1] @ response + jacobian[n + 4:n + 6, -1]) / rotor.inverse_mass
+    shaft = rotor.coupling_journal / rotor.inverse_mass
+    return float(-force[0] - shaft), float(force[1])
+
+
+def static_equilibrium(design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = DEFAULT_MESH,
+                       guess: np.ndarray | None = None) -> Equilibrium | None:
+    """Where the journal rests under gravity, without unbalance, at speed.
+
+    Newton's method on the whole discrete system, the load raised in steps from a concentric start.
+
+    Parameters
+    ----------
+    design : Design
+    rotor_mass : float
+        kg on one bearing.
+    bearing_number : float
+    mesh : Mesh
+    guess : ndarray, optional
+        State to start from, such as that of a neighbouring point.
+
+    Returns
+    -------
+    Equilibrium or None
+        None where no equilibrium was found.
+    """
+    film = build_film(design, bearing_number, mesh)
+    rotor = _without_unbalance(build_rotor(design, rotor_mass, bearing_number))
+    unknowns, n = _unknowns(film, design.rigid), film_size(film)
+    load, done, step = (1.0, 0.0, 1.0) if guess is not None else (0.25, 0.0, 0.25)
+    state = guess if guess is not None else concentric_state(film, rotor._replace(gravity_disc=0.0, gravity_journal=0.0))
+    while True:
+        loaded = rotor._replace(gravity_disc=load * rotor.gravity_disc, gravity_journal=load * rotor.gravity_journal)
+        found = _newton(film, loaded, state, unknowns)
+        if found is None:
+            step *= 0.5
+            if step < 1e-3:
+                return None
+        else:
+            state, done = found, load
+            if done >= 1.0:
+                break
+        load = min(1.0, done + step)
+    x, y = state[n], state[n + 1]
+    return Equilibrium(math.hypot(x, y), math.degrees(math.atan2(x, -y)), state)
+
+
+def _newton(film, rotor, state, unknowns):
+    """Damped Newton iteration to f = 0; None where it does not converge."""
+    state = state.copy()
+    n = film_size(film)
+    for _ in range(_NEWTON_STEPS):
+        value, jacobian = slope_and_jacobian(film, rotor, state, unknowns)
+        try:
+            step = np.linalg.solve(jacobian[unknowns], value[unknowns])
+        except np.linalg.LinAlgError:
+            return None
+        fraction = 1.0
+        for _ in range(12):
+            trial = state.copy()
+            trial[unknowns] -= fraction * step
+            if math.hypot(trial[n], trial[n + 1]) < 0.9995 and trial[:n].min() > 0.0:
+                break
+            fraction *= 0.5
+        else:
+            return None
+        state = trial
+        if np.abs(step).max() < 1e-10:
+            return state
+    return None
+
+
+def linear_spectrum(design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = DEFAULT_MESH,
+                    guess: np.ndarray | None = None) -> tuple[np.ndarray, Equilibrium] | None:
+    """Eigenvalues per unit tau of the whole system, film and rotor, linearised about the static equilibrium.
+
+    Returns
+    -------
+    eigenvalues : ndarray of complex
+        Real part first to last falling; imaginary part = frequency over the shaft speed. None where no equilibrium is.
+    equilibrium : Equilibrium
+    """
+    film = build_film(design, bearing_number, mesh)
+    rotor = _without_unbalance(build_rotor(design, rotor_mass, bearing_number))
+    equilibrium = static_equilibrium(design, rotor_mass, bearing_number, mesh, guess)
+    if equilibrium is None:
+        return None
+    unknowns = _unknowns(film, design.rigid)
+    _, jacobian = slope_and_jacobian(film, rotor, equilibrium.state, unknowns)
+    values = np.linalg.eigvals(jacobian[unknowns])
+    return values[np.argsort(-values.real)], equilibrium
+
+
+def whirl_thresholds(design: Design, bearing_number: float, mesh: Mesh = DEFAULT_MESH,
+                     masses: tuple[float, float] = THRESHOLD_RANGE, scan: int = 25) -> list[Threshold]:
+    """Every rotor mass in the range where the static equilibrium changes its linear stability, in rising order.
+
+    Parameters
+    ----------
+    design : Design
+    bearing_number : float
+    mesh : Mesh
+    masses : tuple
+        Range searched, kg.
+    scan : int
+        Masses tried, equally spaced in the logarithm, before each sign change is refined by Brent's method.
+
+    Returns
+    -------
+    list of Threshold
+        Empty where the stability is the same over the whole range.
+    """
+    guess = None
+
+    def leading(log_mass):
+        nonlocal guess
+        spectrum = linear_spectrum(design, math.exp(log_mass), bearing_number, mesh, guess)
+        if spectrum is None:  # the guess may be too far away
+            spectrum = linear_spectrum(design, math.exp(log_mass), bearing_number, mesh)
+        if spectrum is None:
+            return None
+        guess = spectrum[1].state
+        return spectrum[0][0]
+
+    logs = np.linspace(math.log(masses[0]), math.log(masses[1]), scan)
+    values = [leading(x) for x in logs]
+    found = []
+    for k in range(scan - 1):
+        a, b = values[k], values[k + 1]
+        if a is None or b is None or a.real * b.real > 0.0:
+            continue
+        root = brentq(lambda x: leading(x).real, logs[k], logs[k + 1], xtol=1e-6)
+        mass = math.exp(root)
+        found.append(Threshold(mass, design.mass_number(mass, bearing_number), abs(leading(root).imag),
+                               "below" if a.real < 0.0 else "above"))
+    return found

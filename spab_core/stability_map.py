@@ -1,0 +1,307 @@
+"""A plane of operating points: computed in chunks that survive a crash, saved as NPZ without pickles.
+
+Every cell is a cold start of its own, so the result does not depend on the number of workers or their order.
+"""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import io
+import json
+import platform
+import shutil
+import time
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import joblib
+import numpy as np
+
+from spab_core.design import Design, InputError, write_atomically
+from spab_core.integrate import STATUS
+from spab_core.point import solve_point
+from spab_core.regimes import MAX_PERIOD, REGIMES
+from spab_core.simulate import Settings, check_point
+
+CHUNK_CELLS = 25
+MAX_CELLS = 2_000_000
+_FIELDS = {  # dtype of each cell array, in the file's order
+    "mle": np.float64, "mle_standard_error": np.float64, "regime": "<U14", "period": np.int16,
+    "contact_share": np.float64, "max_eccentricity": np.float64, "status": "<U16",
+}
+
+
+class MapError(InputError):
+    """A map file that cannot be read, or a run that cannot be resumed; the message says why."""
+
+
+@dataclass(frozen=True)
+class StabilityMap:
+    """A map over bearing number and rotor mass.
+
+    Attributes
+    ----------
+    bearing_number : ndarray, (B,)
+    rotor_mass : ndarray, (M,)
+        kg on one bearing.
+    mle, mle_standard_error : ndarray, (B, M)
+        Per revolution; nan where the run failed.
+    regime : ndarray of str, (B, M)
+        One of ``regimes.REGIMES``, "" where the run failed.
+    period : ndarray of int, (B, M)
+        Revolutions; 0 unless periodic.
+    contact_share, max_eccentricity : ndarray, (B, M)
+    status : ndarray of str, (B, M)
+        One of ``integrate.STATUS``.
+    metadata : dict
+        Design, mesh, settings, versions, date, wall seconds.
+    """
+
+    bearing_number: np.ndarray
+    rotor_mass: np.ndarray
+    mle: np.ndarray
+    mle_standard_error: np.ndarray
+    regime: np.ndarray
+    period: np.ndarray
+    contact_share: np.ndarray
+    max_eccentricity: np.ndarray
+    status: np.ndarray
+    metadata: dict = field(default_factory=dict)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(bearing numbers, rotor masses)."""
+        return self.mle.shape
+
+    @property
+    def design(self) -> Design:
+        """The design that the map was computed for."""
+        return Design.from_dict(self.metadata["design"])
+
+    def nearest(self, rotor_mass: float, bearing_number: float) -> tuple[int, int]:
+        """Indices (bearing number, rotor mass) of the nearest cell."""
+        return (int(np.abs(self.bearing_number - bearing_number).argmin()),
+                int(np.abs(self.rotor_mass - rotor_mass).argmin()))
+
+
+def axis(text: str, name: str) -> np.ndarray:
+    """Read "start:stop:count", both ends included.
+
+    Raises
+    ------
+    InputError
+        With the name of the axis and what is allowed.
+    """
+    parts = str(text).split(":")
+    try:
+        if len(parts) != 3:
+            raise ValueError
+        start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
+    except ValueError:
+        raise InputError(f"{name} = {str(text)[:60]!r} is not start:stop:count, such as 0.25:8.5:34") from None
+    if not 1 <= count <= 100_000:
+        raise InputError(f"{name}: count = {count} is out of range: allowed is from 1 to 100000")
+    if not (np.isfinite(start) and np.isfinite(stop)) or (count > 1 and not stop > start):
+        raise InputError(f"{name} = {str(text)[:60]!r}: start and stop must be finite numbers, start before stop")
+    return np.linspace(start, stop, count)
+
+
+def _solve_chunk(design: Design, cells: list[tuple[float, float]], settings: Settings) -> dict[str, np.ndarray]:
+    """Solve (bearing number, rotor mass) cells one after the other; runs in a worker."""
+    began = time.perf_counter()
+    rows = []
+    steps = 0
+    for bearing_number, rotor_mass in cells:
+        point = solve_point(design, rotor_mass, bearing_number, settings)
+        steps += point.trajectory.steps
+        mle, regime = point.mle, point.regime
+        failed = mle is None
+        rows.append((np.nan if failed else mle.value, np.nan if failed else mle.standard_error,
+                     regime.name if regime else "", regime.period if regime else 0, point.contact_share,
+                     point.max_eccentricity, point.trajectory.status))
+    columns = zip(*rows, strict=True)
+    result = {name: np.array(column, dtype) for (name, dtype), column in zip(_FIELDS.items(), columns, strict=True)}
+    return result | {"seconds": np.array(time.perf_counter() - began), "steps": np.array(steps)}
+
+
+def _plan(design, bearing_number, rotor_mass, settings):
+    """What a run computes, as a dictionary that must be the same to resume it."""
+    from spab_core import __version__
+    return {
+        "spab": __version__, "design": design.to_dict(), "settings": settings.to_dict(), "chunk_cells": CHUNK_CELLS,
+        "bearing_number": hashlib.sha256(bearing_number.tobytes()).hexdigest(),
+        "rotor_mass": hashlib.sha256(rotor_mass.tobytes()).hexdigest(),
+    }
+
+
+def _open_run(folder: Path, plan: dict) -> None:
+    """Start a run in ``folder`` or resume the one that is there. Raises :class:`MapError` where it is another run."""
+    path = folder / "plan.json"
+    if path.exists():
+        try:
+            old = json.loads(path.read_text("utf-8"))
+        except ValueError:
+            old = {}
+        different = sorted(k for k in plan.keys() | old.keys() if plan.get(k) != old.get(k))
+        if different:
+            raise MapError(f"{folder} holds the parts of another run (different: {', '.join(different)}); finish that run "
+                           "with its own settings, or delete the folder")
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, json.dumps(plan, indent=1).encode())
+
+
+def _npz_bytes(arrays: dict) -> bytes:
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)
+    return buffer.getvalue()
+
+
+def compute_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray, settings: Settings | None = None, *,
+                workers: int = 1, parts: Path | None = None,
+                progress: Callable[[int], None] | None = None) -> StabilityMap:
+    """Solve every cell of a plane from its own cold start.
+
+    Parameters
+    ----------
+    design : Design
+    bearing_number : ndarray, (B,)
+    rotor_mass : ndarray, (M,)
+        kg on one bearing.
+    settings : Settings
+    workers : int
+        Processes.
+    parts : Path, optional
+        Folder for finished chunks. A run that finds its own chunks there goes on from them.
+    progress : callable
+        Called with the number of cells done since the last call.
+
+    Returns
+    -------
+    StabilityMap
+
+    Raises
+    ------
+    InputError
+        For axes out of range, or parts of another run.
+    """
+    settings = settings or Settings(revolutions=300)
+    bearing_number, rotor_mass = np.asarray(bearing_number, float), np.asarray(rotor_mass, float)
+    count = len(bearing_number) * len(rotor_mass)
+    if not 1 <= count <= MAX_CELLS:
+        raise InputError(f"a map of {count} cells is out of range: allowed is from 1 to {MAX_CELLS} cells")
+    for b in (bearing_number.min(), bearing_number.max()):
+        for m in (rotor_mass.min(), rotor_mass.max()):
+            check_point(float(m), float(b))
+    cells = [(float(b), float(m)) for b in bearing_number for m in rotor_mass]
+    chunks = [cells[k:k + CHUNK_CELLS] for k in range(0, count, CHUNK_CELLS)]
+    if parts:
+        _open_run(parts, _plan(design, bearing_number, rotor_mass, settings))
+
+    results: dict[int, dict] = {}
+    for k in range(len(chunks)):
+        path = parts / f"chunk-{k:06d}.npz" if parts else None
+        if path and path.exists():
+            results[k] = _read_chunk(path, len(chunks[k]))
+    if progress:
+        progress(sum(len(chunks[k]) for k in results))
+
+    def numbered(k):
+        return k, _solve_chunk(design, chunks[k], settings)
+
+    missing = [k for k in range(len(chunks)) if k not in results]
+    began = time.perf_counter()
+    run = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", pre_dispatch=2 * workers)
+    for k, result in run(joblib.delayed(numbered)(k) for k in missing):
+        results[k] = result
+        if parts:
+            write_atomically(parts / f"chunk-{k:06d}.npz", _npz_bytes(result))
+        if progress:
+            progress(len(chunks[k]))
+
+    shape = (len(bearing_number), len(rotor_mass))
+    arrays = {name: np.concatenate([results[k][name] for k in range(len(chunks))]).reshape(shape) for name in _FIELDS}
+    metadata = _metadata(design, settings, shape) | {
+        "wall_seconds": time.perf_counter() - began,
+        "worker_seconds": float(sum(float(r["seconds"]) for r in results.values())),
+        "steps": int(sum(int(r["steps"]) for r in results.values())),
+        "workers": workers,
+    }
+    return StabilityMap(bearing_number, rotor_mass, **arrays, metadata=metadata)
+
+
+def _read_chunk(path: Path, cells: int) -> dict:
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            result = {name: data[name] for name in (*_FIELDS, "seconds", "steps")}
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        raise MapError(f"{path} is damaged ({error}); delete it to compute that chunk again") from None
+    if any(len(result[name]) != cells for name in _FIELDS):
+        raise MapError(f"{path} holds another number of cells; delete it to compute that chunk again")
+    return result
+
+
+def _metadata(design: Design, settings: Settings, shape: tuple[int, int]) -> dict:
+    import numba
+    import scipy
+
+    from spab_core import __version__
+    return {
+        "design": design.to_dict(), **settings.to_dict(), "dimensions": ["bearing_number", "rotor_mass"],
+        "shape": list(shape), "mle_unit": "per revolution, natural logarithm", "rotor_mass_unit": "kg on one bearing",
+        "versions": {"spab": __version__, "python": platform.python_version(), "numpy": np.__version__,
+                     "numba": numba.__version__, "scipy": scipy.__version__},
+        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    }
+
+
+def save_map(result: StabilityMap, path: str | Path) -> None:
+    """Write a map as NPZ, atomically. Keys: those of :class:`StabilityMap`, ``metadata`` as JSON text."""
+    arrays = {"bearing_number": result.bearing_number, "rotor_mass": result.rotor_mass}
+    arrays |= {name: getattr(result, name) for name in _FIELDS}
+    write_atomically(path, _npz_bytes(arrays | {"metadata": np.array(json.dumps(result.metadata))}))
+
+
+def remove_parts(parts: Path) -> None:
+    """Delete the chunks of a finished run."""
+    shutil.rmtree(parts, ignore_errors=True)
+
+
+def load_map(path: str | Path) -> StabilityMap:
+    """Read a map file and check it; nothing in it is ever unpickled.
+
+    Raises
+    ------
+    MapError
+        For a file that is no map: missing keys, wrong shapes or kinds, values that do not fit together.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            missing = [k for k in ("bearing_number", "rotor_mass", *_FIELDS, "metadata") if k not in data]
+            if missing:
+                raise MapError(f"{path} is not a map: it lacks {', '.join(missing)}")
+            b, m = data["bearing_number"], data["rotor_mass"]
+            if b.ndim != 1 or m.ndim != 1 or b.dtype.kind != "f" or m.dtype.kind != "f":
+                raise MapError(f"{path} is not a map: its axes must be one-dimensional numbers")
+            arrays = {}
+            for name, dtype in _FIELDS.items():
+                array = data[name]
+                if array.shape != (len(b), len(m)) or array.dtype.kind != np.dtype(dtype).kind:
+                    raise MapError(f"{path} is not a map: {name} must be {len(b)} x {len(m)} of kind {np.dtype(dtype).kind}")
+                arrays[name] = array.astype(dtype)
+            metadata = json.loads(str(data["metadata"]))
+    except MapError:
+        raise
+    except (OSError, ValueError, zipfile.BadZipFile, EOFError, RecursionError) as error:
+        raise MapError(f"cannot read the map {str(path)!r}: {error}") from None
+    known = (np.isin(arrays["regime"], [*REGIMES, ""]).all() and np.isin(arrays["status"], STATUS).all()
+             and arrays["period"].min(initial=0) >= 0 and arrays["period"].max(initial=0) <= MAX_PERIOD)
+    if not known or not np.all(np.isfinite(arrays["mle"]) == (arrays["status"] == "ok")):
+        raise MapError(f"{path} is not a map: regime, status and exponent do not fit together")
+    if not isinstance(metadata, dict) or "design" not in metadata:
+        raise MapError(f"{path} is not a map: its metadata lack the design")
+    Design.from_dict(metadata["design"])
+    return StabilityMap(b, m, **arrays, metadata=metadata)
