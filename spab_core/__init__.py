@@ -48,7 +48,7 @@ from spab_core.stability import (  # noqa: E402
 )
 from spab_core.stability_map import StabilityMap, compute_map, load_map, save_map  # noqa: E402
 
-__version__ = "0.1.0"
+from spab_core._version import __version__  # noqa: E402
 
 __all__ = [
     "Design", "DesignError", "InputError", "OperatingPoint", "Settings", "StabilityMap", "__version__", "compute_map",

@@ -301,6 +301,7 @@ def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
         ck_before, sk_before = ck, sk
         ck, sk = -sk_before / (k + 1), ck_before / (k + 1)
     power = h**DTM_ORDER
+    size, last_size = splat(0.0), splat(0.0)
     for i in range(0, n, WIDTH):
         total, dtotal = splat(0.0), splat(0.0)
         for k in range(DTM_ORDER, -1, -1):
@@ -309,9 +310,16 @@ def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
         vstore(new, i, total)
         vstore(new_v, i, dtotal)
         vstore(last_term, i, vload(z[_S * _K + DTM_ORDER], mp + i) * power)
+        dlast = vload(z[tangent + _S * _K + DTM_ORDER], mp + i) * power
+        size, last_size = size + dtotal * dtotal, last_size + dlast * dlast
+    tangent_size, tangent_last = vsum(size), vsum(last_size)
     for i in range(8):
         total = dtotal = 0.0
         for k in range(DTM_ORDER, -1, -1):
             total, dtotal = total * h + r[k, i], dtotal * h + d[k, i]
         new[n + i], new_v[n + i], last_term[n + i] = total, dtotal, r[DTM_ORDER, i] * power
-    return error_norm(system, u, new, last_term)
+        tangent_size, tangent_last = tangent_size + dtotal * dtotal, tangent_last + (d[DTM_ORDER, i] * power) ** 2
+    error = error_norm(system, u, new, last_term)
+    if with_tangent:  # an explicit step too long for stiffness shows in the tangent long before it shows in the state
+        error = max(error, math.sqrt(tangent_last / tangent_size))
+    return error

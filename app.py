@@ -1,0 +1,80 @@
+"""Home page: the stability map; a click or typed numbers choose an operating point, which is solved live."""
+
+import streamlit as st
+
+from spab_core.design import InputError
+from spab_core.figures import LAYERS, exponent_figure, map_figure, orbit_figure, section_figure
+from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.ui.shared import live_point, reference_map
+
+st.set_page_config(page_title="spab: stability map", page_icon="◍", layout="wide")
+st.html("<style>.block-container{padding-top:2.2rem;padding-bottom:1rem}</style>")
+
+try:
+    m = reference_map()
+except InputError as error:
+    st.error(str(error))
+    st.stop()
+
+state = st.session_state
+state.setdefault("rotor_mass", 4.52)
+state.setdefault("bearing_number", 3.45)
+state.setdefault("typed", True)
+
+
+def _typed():
+    state["typed"] = True
+
+
+def _clicked():
+    """Take the cell that was clicked; the overlay's points are the cells in the order of the map."""
+    points = state["map"]["selection"]["points"]
+    if points:
+        row, column = divmod(int(points[0]["point_index"]), len(m.rotor_mass))
+        state["bearing_number"] = round(float(m.bearing_number[row]), 6)
+        state["rotor_mass"] = round(float(m.rotor_mass[column]), 6)
+        state["typed"] = False
+
+
+left, right = st.columns([1.15, 1], gap="medium")
+
+with left:
+    st.markdown("#### Stability map of the reference bearing")
+    a, b, c = st.columns([1.6, 1, 1], vertical_alignment="bottom")
+    layer = a.segmented_control("Layer", LAYERS, default=LAYERS[0], key="layer") or LAYERS[0]
+    b.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, key="bearing_number", step=0.05, format="%.3f",
+                   on_change=_typed, help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
+    c.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%.3f", on_change=_typed,
+                   help="Whole rotor mass that one bearing carries")
+    mark = (state["bearing_number"], state["rotor_mass"]) if state["typed"] else None
+    st.plotly_chart(map_figure(m, layer, mark), key="map", on_select=_clicked, selection_mode="points", width="stretch",
+                    config={"displaylogo": False, "scrollZoom": True})
+    st.caption(f"{m.shape[0]} × {m.shape[1]} cold starts, {m.metadata['transient']} + {m.metadata['revolutions']} revolutions "
+               f"each on {m.metadata['mesh']} film cells. Click a cell, or type Λ and mass, to solve that point now.")
+
+with right:
+    design = m.design
+    mass, number = state["rotor_mass"], state["bearing_number"]
+    st.markdown(f"#### Operating point: Λ {number:.3f}, {design.speed_rpm(number):,.0f} rpm, {mass:.2f} kg")
+    try:
+        point = live_point(design, mass, number)
+    except InputError as error:
+        st.error(str(error))
+        st.stop()
+    box = {"periodic": st.success, "quasi-periodic": st.warning}.get(point.regime.name if point.regime else "", st.error)
+    box(point.verdict())
+    if point.mle:
+        cells = st.columns(4)
+        cells[0].metric("MLE per revolution", f"{point.mle.value:+.3f}", help="Maximum Lyapunov exponent, natural log: below "
+                        "zero periodic, zero quasi-periodic, above zero chaotic")
+        cells[1].metric("Standard error", f"± {point.mle.standard_error:.3f}", help="Of the MLE, by batch means")
+        cells[2].metric("Largest eccentricity", f"{point.max_eccentricity:.3f}", help="Journal, over the clearance")
+        cells[3].metric("Time in contact", f"{100 * point.contact_share:.1f} %",
+                        help="Share of the time with a film under a tenth of the clearance")
+    one, two = st.columns(2)
+    one.plotly_chart(orbit_figure(point), key="orbit", width="stretch")
+    two.plotly_chart(section_figure(point), key="section", width="stretch")
+    st.plotly_chart(exponent_figure(point).update_layout(height=230), key="exponent", width="stretch")
+    t = point.trajectory
+    st.caption(f"Solved live: {t.completed} revolutions from rest, {t.steps:,} steps in {t.wall_seconds:.2f} s on "
+               f"{point.settings.mesh} film cells.")

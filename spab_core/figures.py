@@ -1,0 +1,138 @@
+"""Plotly figures from results. Colours are the Okabe-Ito set and diverging or sequential scales safe for colour-blind eyes."""
+
+from __future__ import annotations
+
+import numpy as np
+import plotly.graph_objects as go
+
+from spab_core.point import OperatingPoint
+from spab_core.stability_map import StabilityMap
+
+LAYERS = ("MLE", "Regime", "Contact share")
+JOURNAL, DISC, SECTION, NEUTRAL = "#0072B2", "#E69F00", "#D55E00", "#808080"
+MLE_LIMIT = 0.6  # the colours saturate there; exponents of settled cells go far below
+_REGIMES = (  # label, colour, whether (regime, period) belongs
+    ("periodic-1", "#56B4E9", lambda r, p: (r == "periodic") & (p == 1)),
+    ("periodic-2", "#0072B2", lambda r, p: (r == "periodic") & (p == 2)),
+    ("periodic-3 and more", "#00334d", lambda r, p: (r == "periodic") & (p > 2)),
+    ("quasi-periodic", "#F0E442", lambda r, p: r == "quasi-periodic"),
+    ("chaotic", "#D55E00", lambda r, p: r == "chaotic"),
+    ("no exponent (run failed)", "#999999", lambda r, p: r == ""),
+)
+BEARING_NUMBER_LABEL, MASS_LABEL = "Bearing number Λ", "Rotor mass on one bearing, kg"
+
+
+def _hover(m: StabilityMap) -> list[str]:
+    b, kg = np.meshgrid(m.bearing_number, m.rotor_mass, indexing="ij")
+    rpm = m.design.speed_rpm(1.0) * b
+    text = []
+    for k in range(m.mle.size):
+        regime, period = m.regime.flat[k], m.period.flat[k]
+        what = f"{regime}-{period}" if period else regime or m.status.flat[k]
+        mle = f"MLE {m.mle.flat[k]:+.3f} ± {m.mle_standard_error.flat[k]:.3f} /rev" if regime else "no MLE"
+        text.append(f"Λ {b.flat[k]:.3f} ({rpm.flat[k]:,.0f} rpm), {kg.flat[k]:.2f} kg<br><b>{what}</b>, {mle}<br>"
+                    f"contact {100 * m.contact_share.flat[k]:.1f} %, largest eccentricity {m.max_eccentricity.flat[k]:.3f}")
+    return text
+
+
+def map_figure(m: StabilityMap, layer: str = "MLE", typed: tuple[float, float] | None = None) -> go.Figure:
+    """The stability map with an invisible layer of points that answers clicks.
+
+    Parameters
+    ----------
+    m : StabilityMap
+    layer : str
+        One of :data:`LAYERS`.
+    typed : tuple, optional
+        (bearing number, rotor mass in kg) of a point to mark.
+
+    Returns
+    -------
+    Figure
+        Trace 0 is the heatmap; the trace named "cells" has one point a cell, in the order of ``mle.ravel()``.
+    """
+    figure = go.Figure()
+    common = {"x": m.bearing_number, "y": m.rotor_mass, "hoverinfo": "skip"}
+    bar = {"thickness": 14, "len": 0.9, "title_side": "right"}
+    if layer == "Regime":
+        code = np.full(m.shape, np.nan)
+        scale = []
+        for k, (label, colour, belongs) in enumerate(_REGIMES):
+            mask = belongs(m.regime, m.period)
+            code[mask] = k
+            scale += [(k / len(_REGIMES), colour), ((k + 1) / len(_REGIMES), colour)]
+            if mask.any():
+                figure.add_scatter(x=[None], y=[None], mode="markers", name=label, showlegend=True,
+                                   marker={"color": colour, "size": 12, "symbol": "square"})
+        figure.add_heatmap(z=code.T, zmin=-0.5, zmax=len(_REGIMES) - 0.5, colorscale=scale, showscale=False, **common)
+    elif layer == "Contact share":
+        figure.add_heatmap(z=100 * m.contact_share.T, zmin=0, colorscale="Cividis",
+                           colorbar={"title": "time in contact, %", **bar}, **common)
+    else:
+        figure.add_heatmap(z=m.mle.T, zmin=-MLE_LIMIT, zmax=MLE_LIMIT, colorscale="RdBu_r",
+                           colorbar={"title": "MLE per revolution (> 0 chaotic)", **bar}, **common)
+    b, kg = np.meshgrid(m.bearing_number, m.rotor_mass, indexing="ij")
+    figure.add_scattergl(
+        x=b.ravel().astype(np.float32), y=kg.ravel().astype(np.float32), mode="markers", name="cells", showlegend=False,
+        marker={"size": 9, "opacity": 0}, text=_hover(m), hovertemplate="%{text}<extra></extra>",
+        selected={"marker": {"opacity": 1, "size": 13, "color": "#000000"}}, unselected={"marker": {"opacity": 0}})
+    if typed:
+        figure.add_scatter(x=[typed[0]], y=[typed[1]], mode="markers", name="your point", hoverinfo="skip", showlegend=False,
+                           marker={"symbol": "x", "size": 13, "color": "#000000", "line": {"color": "#ffffff", "width": 1.5}})
+    figure.update_layout(
+        xaxis={"title": BEARING_NUMBER_LABEL, "showgrid": False, "constrain": "domain"},
+        yaxis={"title": MASS_LABEL, "showgrid": False}, uirevision="map", clickmode="event+select", dragmode="zoom",
+        margin={"l": 60, "r": 10, "t": 30, "b": 50}, height=600,
+        legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0})
+    return figure
+
+
+def _square(figure, title):
+    circle = np.linspace(0, 2 * np.pi, 181)
+    figure.add_scatter(x=np.cos(circle), y=np.sin(circle), mode="lines", name="clearance", hoverinfo="skip",
+                       line={"color": NEUTRAL, "width": 1.5, "dash": "dash"})
+    figure.update_layout(
+        title={"text": title, "font_size": 14}, xaxis={"title": "X / C", "range": [-1.08, 1.08], "constrain": "domain"},
+        yaxis={"title": "Y / C", "range": [-1.08, 1.08], "scaleanchor": "x", "constrain": "domain"},
+        margin={"l": 50, "r": 10, "t": 40, "b": 40}, height=340, legend={"orientation": "h", "y": -0.22, "x": 0})
+    return figure
+
+
+def orbit_figure(point: OperatingPoint) -> go.Figure:
+    """Journal and disc orbits of the last recorded revolutions, with the section points."""
+    path = point.trajectory.path.reshape(-1, 8)
+    figure = go.Figure()
+    if not point.design.rigid:
+        figure.add_scatter(x=path[:, 2], y=path[:, 3], mode="lines", name="disc", line={"color": DISC, "width": 1})
+    figure.add_scatter(x=path[:, 0], y=path[:, 1], mode="lines", name="journal", line={"color": JOURNAL, "width": 1})
+    figure = _square(figure, f"Orbits, last {len(point.trajectory.path)} revolutions")
+    reach = max(1.08, 1.05 * float(np.abs(path[:, :4]).max())) if len(path) else 1.08
+    return figure.update_layout(xaxis_range=[-reach, reach], yaxis_range=[-reach, reach])
+
+
+def section_figure(point: OperatingPoint) -> go.Figure:
+    """Poincaré section of the journal: one point a revolution."""
+    section = point.trajectory.section
+    figure = go.Figure()
+    figure.add_scatter(x=section[:, 0], y=section[:, 1], mode="markers", name="journal at τ = 2πk",
+                       marker={"color": SECTION, "size": 5})
+    return _square(figure, f"Poincaré section, {len(section)} revolutions")
+
+
+def exponent_figure(point: OperatingPoint) -> go.Figure:
+    """Running estimate of the exponent with its final standard error."""
+    figure = go.Figure()
+    if point.mle:
+        trace = point.mle.trace
+        n = np.arange(1, len(trace) + 1)
+        low, high = point.mle.value - point.mle.standard_error, point.mle.value + point.mle.standard_error
+        figure.add_hrect(y0=low, y1=high, fillcolor=JOURNAL, opacity=0.15, line_width=0)
+        figure.add_scatter(x=n, y=trace, mode="lines", line={"color": JOURNAL}, name="running estimate", showlegend=False)
+        settled = trace[len(trace) // 10:]
+        span = max(float(np.ptp(settled)), 0.02)
+        figure.update_yaxes(range=[min(settled.min(), low, 0) - 0.3 * span, max(settled.max(), high, 0) + 0.3 * span])
+    figure.add_hline(y=0, line={"color": NEUTRAL, "dash": "dash", "width": 1})
+    return figure.update_layout(
+        title={"text": "Running exponent (band: ± one standard error)", "font_size": 14}, height=340,
+        xaxis={"title": "revolutions measured"}, yaxis={"title": "MLE per revolution"},
+        margin={"l": 60, "r": 10, "t": 40, "b": 40})

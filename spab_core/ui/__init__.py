@@ -1,0 +1,1 @@
+"""What Streamlit pages share; nothing outside this package imports Streamlit."""

@@ -1,0 +1,43 @@
+"""Cached loaders, the live solve and the common page head."""
+
+from __future__ import annotations
+
+import streamlit as st
+
+from spab_core.artifacts import ARTIFACTS, REFERENCE_MAP, load_reference_map
+from spab_core.design import Design
+from spab_core.integrate import is_compiled
+from spab_core.point import OperatingPoint, solve_point
+from spab_core.simulate import Settings
+from spab_core.stability_map import StabilityMap
+
+LIVE = Settings(transient=200, revolutions=200)
+LIVE_PATHS = 50
+
+
+@st.cache_resource(show_spinner=False)
+def _map(stamp: float) -> StabilityMap:
+    return load_reference_map()
+
+
+def reference_map() -> StabilityMap:
+    """The shipped map, read and checked once for each version of the file. Raises ``InputError``."""
+    try:
+        stamp = (ARTIFACTS / REFERENCE_MAP).stat().st_mtime
+    except OSError:
+        stamp = 0.0  # the loader says what is missing
+    return _map(stamp)
+
+
+@st.cache_resource(max_entries=64, show_spinner=False)
+def _solve(design: Design, rotor_mass: float, bearing_number: float, settings: Settings) -> OperatingPoint:
+    return solve_point(design, rotor_mass, bearing_number, settings, path_revolutions=LIVE_PATHS)
+
+
+def live_point(design: Design, rotor_mass: float, bearing_number: float) -> OperatingPoint:
+    """Solve an operating point now, or take it from the last 64 solved; says so where the solver must be compiled first."""
+    text = "Solving this operating point …"
+    if not is_compiled():
+        text = "First run on this machine: compiling the solver. This takes about a minute, once."
+    with st.spinner(text):
+        return _solve(design, rotor_mass, bearing_number, LIVE)

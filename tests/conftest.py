@@ -1,0 +1,84 @@
+"""Shared fixtures: the kernels are compiled once per session (numba keeps them in its cache between sessions)."""
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from spab_core.design import reference_design
+from spab_core.film import Mesh, build_film, film_size
+from spab_core.integrate import METHODS, Options, advance, build_memory, build_record
+from spab_core.rotor import build_rotor
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session")
+def design():
+    return reference_design()
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """Path of Chromium; skips with a reason where there is none, fails where CI must have one."""
+    path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if path is None:
+        if os.environ.get("SPAB_REQUIRE_BROWSER"):
+            pytest.fail("CI must have Chromium (see .ci/run)")
+        pytest.skip("no Chromium on this machine")
+    return path
+
+
+class Run:
+    """One trajectory under the test's control: state, system and whole-revolution stepping."""
+
+    def __init__(self, design, rotor_mass, bearing_number, mesh=Mesh(6, 24), method="rodas", ramp=30.0, scheme="fitted"):
+        self.film = build_film(design, bearing_number, mesh, scheme)
+        self.rotor = build_rotor(design, rotor_mass, bearing_number, ramp)
+        self.system = (self.film, self.rotor)
+        self.method = method
+        self.memory = build_memory(self.film, method)
+        self.n = film_size(self.film)
+        self.done = 0
+
+    def go(self, revolutions, tolerance=2e-4, *, samples=0, restart=False, **options):
+        """Advance; returns (status, record)."""
+        if restart:
+            self.memory.control[:] = 0.0
+        record = build_record(revolutions, samples)
+        chosen = Options(METHODS.index(self.method), tolerance, **options)
+        status, done = advance(self.system, self.memory, chosen, self.done, revolutions, record)
+        self.done += done
+        return status, record
+
+    def start_from(self, other):
+        """Take state, tangent and time of another run on the same mesh."""
+        self.memory.state[:] = other.memory.state
+        self.memory.tangent[:] = other.memory.tangent
+        self.memory.control[:] = 0.0
+        self.done = other.done
+        return self
+
+    @property
+    def unknowns(self):
+        """Positions of the real unknowns in the state: no padded cells."""
+        cells = np.arange(self.n).reshape(self.film.columns, self.film.padded)[:, : self.film.cells].ravel()
+        return np.concatenate([cells, self.n + np.arange(8)])
+
+
+@pytest.fixture
+def make_run(design):
+    def build(rotor_mass, bearing_number, design=design, **options):
+        return Run(design, rotor_mass, bearing_number, **options)
+    return build
+
+
+def fed_design(edge_latitude, supply, feeding_number, **changes):
+    """The reference design with another band, supply pressure and porous feeding number."""
+    d = reference_design()
+    b = d.bearing
+    permeability = feeding_number * b.wall_thickness * b.clearance**3 / (6.0 * b.radius**2)
+    return d.replace(bearing__edge_latitude=float(edge_latitude), bearing__supply_pressure_ratio=float(supply),
+                     bearing__permeability=permeability, **changes)

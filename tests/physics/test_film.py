@@ -1,0 +1,73 @@
+"""Film: stiffness against boundary-value solutions, exact limits, order of convergence, conservation of gas.
+
+Stiffness table: docs/model.md section 7, from the linearised boundary-value problem solved to 1e-9 by other means.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+from spab_core.film import Mesh, build_film, film_fluxes, gas_content
+from spab_core.kernels import build_work, slope
+from spab_core.rotor import build_rotor
+from spab_core.stability import concentric_stiffness
+from tests.conftest import fed_design
+
+TABLE = [  # edge latitude, P_s, beta, Lambda, K_xx, K_yx
+    (29, 1, 0, 1.0, 0.02303, 0.23639), (29, 1, 0, 3.45, 0.24822, 0.73916), (29, 1, 0, 10.0, 1.18239, 1.22492),
+    (29, 1, 0.2168, 1.0, 0.02121, 0.22698), (29, 1, 0.2168, 3.45, 0.23024, 0.71509), (29, 1, 0.2168, 10.0, 1.13235, 1.22297),
+    (29, 5, 1, 1.0, 4.97816, 0.02906), (29, 5, 1, 3.45, 4.98895, 0.09896), (29, 5, 1, 10.0, 5.06661, 0.25962),
+    (45, 1, 0, 1.0, 0.15364, 0.70688), (45, 1, 0, 3.45, 1.22106, 1.63378), (45, 1, 0, 10.0, 2.79095, 1.32069),
+    (45, 5, 1, 1.0, 6.70071, 0.20227), (45, 5, 1, 3.45, 6.80388, 0.68071), (45, 5, 1, 10.0, 7.48257, 1.64673),
+]
+
+
+@pytest.mark.parametrize("row", TABLE, ids=lambda r: f"edge{r[0]}-Ps{r[1]}-beta{r[2]}-L{r[3]}")
+def test_stiffness_table_within_half_a_percent(row):
+    edge, supply, beta, bearing_number, *expected = row
+    found = concentric_stiffness(fed_design(edge, supply, beta), bearing_number, Mesh(12, 48))
+    assert np.allclose(found, expected, rtol=0.005, atol=0)
+
+
+@pytest.mark.parametrize("edge, supply, beta", [(29, 5, 1), (45, 5, 1), (29, 1, 0.2168)])
+def test_stiffness_converges_at_second_order(edge, supply, beta):
+    """Observed order over 6x24, 12x48 and 24x96 from the differences of successive meshes, no reference value used."""
+    k = [np.array(concentric_stiffness(fed_design(edge, supply, beta), 3.45, Mesh(m, 4 * m))) for m in (6, 12, 24)]
+    order = np.log2(np.abs(k[1] - k[0]) / np.abs(k[2] - k[1]))
+    assert (order > 1.8).all(), order
+
+
+@pytest.mark.parametrize("bearing_number", [0.5, 3.45, 10.0])
+def test_closed_sphere_limit(bearing_number):
+    """K_xx + i K_yx = (4 pi / 3) i L / (2 + i L) as the band closes over the sphere (exact, docs/model.md section 7)."""
+    exact = 4.0 * math.pi / 3.0 * 1j * bearing_number / (2.0 + 1j * bearing_number)
+    found = concentric_stiffness(fed_design(89.5, 1, 0), bearing_number, Mesh(48, 48))
+    assert abs(complex(*found) - exact) < 0.01 * abs(exact)
+
+
+def test_unfed_film_at_rest_has_no_stiffness():
+    """Without speed or feeding there is no pressure: K_0 = 0."""
+    assert np.abs(concentric_stiffness(fed_design(29, 1, 0), 1e-2, Mesh(6, 24))).max() < 0.01
+
+
+@pytest.mark.parametrize("scheme", ["fitted", "plain"])
+@pytest.mark.parametrize("mesh", [Mesh(8, 40), Mesh(5, 17)])
+def test_gas_changes_only_through_edge_and_wall(design, mesh, scheme):
+    """d/dtau of the film's content equals the flow through the open edge and the wall, to rounding, in the kernel."""
+    film = build_film(design, 3.45, mesh, scheme)
+    random = np.random.default_rng(1)
+    s = 1.0 + 0.3 * random.random((mesh.azimuth, mesh.latitude))
+    x, y = 0.6, -0.5
+    state = np.zeros(film.columns * film.padded + 8)
+    state[:-8] = 1.0
+    state[:-8].reshape(film.columns, film.padded)[:, : film.cells] = s
+    state[-8:-6] = x, y
+    out = np.zeros_like(state)
+    slope((film, build_rotor(design, 5.0, 3.45)), 0.0, state, build_work(film), out)
+    rate = gas_content(film, out[:-8].reshape(film.columns, film.padded)[:, : film.cells])
+    flux = film_fluxes(film, s, x, y)
+    crossing = gas_content(film, flux["edge"]) + gas_content(film, flux["wall"])
+    scale = sum(gas_content(film, np.abs(f)) for f in flux.values())
+    assert abs(rate - crossing) < 1e-14 * scale
+    assert abs(rate) > 1e-3 * scale  # something did cross

@@ -1,0 +1,101 @@
+"""The compiled kernels compute the readable formulas, their derivatives and the exact solution of the step's system."""
+
+import numpy as np
+import pytest
+
+from spab_core.film import Mesh, build_film, film_array, film_force, film_size, film_slope
+from spab_core.kernels import add_curvature, build_work, prepare_curvature, slope, slope_tangent, time_slope
+from spab_core.linear import linearise, solve
+from spab_core.rotor import build_rotor, rotor_slope
+
+
+class Case:
+    def __init__(self, design, mesh, scheme="fitted", tau=1.3):
+        self.film = build_film(design, 3.45, mesh, scheme)
+        self.rotor = build_rotor(design, 18.0, 3.45)
+        self.system = (self.film, self.rotor)
+        self.work = build_work(self.film)
+        self.n = film_size(self.film)
+        self.tau = tau
+        self.random = np.random.default_rng(7)
+        self.u = self.vector(0.05)
+        self.u[: self.n] += 1.0
+        self.u[self.n:self.n + 2] = 0.7, 0.62  # eccentricity 0.935: deep in contact
+        self.u[self.n + 4:self.n + 6] = 0.3, -0.2
+
+    def vector(self, scale=0.1):
+        out = np.zeros(self.n + 8)
+        cells = out[: self.n].reshape(self.film.columns, self.film.padded)
+        cells[:, : self.film.cells] = scale * self.random.standard_normal((self.film.columns, self.film.cells))
+        out[self.n:] = scale * self.random.standard_normal(8)
+        return out
+
+    def slope(self, u, tau=None):
+        out = np.zeros(self.n + 8)
+        assert slope(self.system, self.tau if tau is None else tau, u, self.work, out)
+        return out
+
+    def tangent(self, u, v):
+        out, out_v = np.zeros(self.n + 8), np.zeros(self.n + 8)
+        assert slope_tangent(self.system, self.tau, u, v, self.work, out, out_v)
+        return out_v
+
+
+@pytest.fixture(params=[((8, 32), "fitted"), ((6, 24), "plain"), ((12, 16), "fitted"), ((3, 9), "fitted")],
+                ids=lambda p: f"{p[0][0]}x{p[0][1]}-{p[1]}")
+def case(request, design):
+    return Case(design, Mesh(*request.param[0]), request.param[1])
+
+
+def test_slope_is_the_readable_formula(case):
+    film, rotor, u, n = case.film, case.rotor, case.u, case.n
+    out = case.slope(u)
+    s, x, y = film_array(film, u), u[n], u[n + 1]
+    assert np.allclose(film_array(film, out), film_slope(film, s, x, y), rtol=0, atol=1e-11)
+    assert np.allclose(out[n:], rotor_slope(rotor, case.tau, u[n:], film_force(film, s, x, y)), rtol=1e-12, atol=1e-12)
+
+
+def test_padded_cells_never_move(case):
+    out = case.slope(case.u)
+    assert not out[: case.n].reshape(case.film.columns, case.film.padded)[:, case.film.cells:].any()
+
+
+def test_tangent_is_the_derivative_of_the_slope(case):
+    v, step = case.vector(), 1e-6
+    difference = (case.slope(case.u + step * v) - case.slope(case.u - step * v)) / (2.0 * step)
+    exact = case.tangent(case.u, v)
+    assert np.abs(difference - exact).max() < 1e-8 * np.abs(exact).max()
+
+
+def test_curvature_is_the_derivative_of_the_tangent(case):
+    v, w, step = case.vector(), case.vector(), 1e-6
+    difference = (case.tangent(case.u + step * w, v) - case.tangent(case.u - step * w, v)) / (2.0 * step)
+    assert linearise(case.system, 0.1, case.u, case.work)
+    prepare_curvature(case.system, case.u, v, case.work)
+    exact = np.zeros(case.n + 8)
+    add_curvature(case.system, case.u, v, w, 1.0, case.work, exact)
+    assert np.abs(difference - exact).max() < 1e-8 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("step", [1e-4, 0.1, 10.0])
+def test_solve_inverts_identity_minus_step_times_jacobian(case, step):
+    jacobian = np.array([case.tangent(case.u, column) for column in np.eye(case.n + 8)]).T
+    right = case.vector(1.0)
+    x = right.copy()
+    assert linearise(case.system, step, case.u, case.work)
+    solve(case.system, case.work, x)
+    assert np.abs(x - step * jacobian @ x - right).max() < 1e-10 * max(1.0, step * np.abs(jacobian).max())
+
+
+def test_time_slope_is_the_derivative_with_respect_to_tau(case):
+    step = 1e-6
+    difference = (case.slope(case.u, case.tau + step) - case.slope(case.u, case.tau - step)) / (2.0 * step)
+    exact = np.zeros(case.n + 8)
+    time_slope(case.system, case.tau, exact)
+    assert np.abs(difference - exact).max() < 1e-8
+
+
+def test_a_journal_outside_the_clearance_is_refused(case):
+    case.u[case.n] = 1.0
+    assert not slope(case.system, 0.0, case.u, case.work, np.zeros(case.n + 8))
+    assert not linearise(case.system, 0.1, case.u, case.work)
