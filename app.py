@@ -19,11 +19,6 @@ except InputError as error:
 state = st.session_state
 state.setdefault("rotor_mass", 4.52)
 state.setdefault("bearing_number", 3.45)
-state.setdefault("typed", True)
-
-
-def _typed():
-    state["typed"] = True
 
 
 def _clicked():
@@ -33,7 +28,6 @@ def _clicked():
         row, column = divmod(int(points[0]["point_index"]), len(m.rotor_mass))
         state["bearing_number"] = round(float(m.bearing_number[row]), 6)
         state["rotor_mass"] = round(float(m.rotor_mass[column]), 6)
-        state["typed"] = False
 
 
 left, right = st.columns([1.15, 1], gap="medium")
@@ -43,11 +37,11 @@ with left:
     a, b, c = st.columns([1.6, 1, 1], vertical_alignment="bottom")
     layer = a.segmented_control("Layer", LAYERS, default=LAYERS[0], key="layer") or LAYERS[0]
     b.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, key="bearing_number", step=0.05, format="%.3f",
-                   on_change=_typed, help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
-    c.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%.3f", on_change=_typed,
+                   help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
+    c.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%.3f",
                    help="Whole rotor mass that one bearing carries")
-    mark = (state["bearing_number"], state["rotor_mass"]) if state["typed"] else None
-    st.plotly_chart(map_figure(m, layer, mark), key="map", on_select=_clicked, selection_mode="points", width="stretch",
+    chosen = (state["bearing_number"], state["rotor_mass"])
+    st.plotly_chart(map_figure(m, layer, chosen), key="map", on_select=_clicked, selection_mode="points", width="stretch",
                     config={"displaylogo": False, "scrollZoom": True})
     st.caption(f"{m.shape[0]} × {m.shape[1]} cold starts, {m.metadata['transient']} + {m.metadata['revolutions']} revolutions "
                f"each on {m.metadata['mesh']} film cells. Click a cell, or type Λ and mass, to solve that point now.")
@@ -67,8 +61,10 @@ with right:
         cells = st.columns(4)
         cells[0].metric("MLE per revolution", f"{point.mle.value:+.3f}", help="Maximum Lyapunov exponent, natural log: below "
                         "zero periodic, zero quasi-periodic, above zero chaotic")
-        cells[1].metric("Standard error", f"± {point.mle.standard_error:.3f}", help="Of the MLE, by batch means")
-        cells[2].metric("Largest eccentricity", f"{point.max_eccentricity:.3f}", help="Journal, over the clearance")
+        spread = point.mle.standard_error
+        cells[1].metric("Standard error", f"± {spread:.3f}" if spread >= 0.0005 else "< 0.001",
+                        help="Of the MLE, by batch means")
+        cells[2].metric("Max. eccentricity", f"{point.max_eccentricity:.3f}", help="Largest of the journal, over the clearance")
         cells[3].metric("Time in contact", f"{100 * point.contact_share:.1f} %",
                         help="Share of the time with a film under a tenth of the clearance")
     one, two = st.columns(2)

@@ -37,6 +37,7 @@ def _writable_numba_cache() -> None:
 
 _writable_numba_cache()
 
+from spab_core._version import __version__  # noqa: E402
 from spab_core.design import Design, DesignError, InputError, load_design, reference_design, save_design  # noqa: E402
 from spab_core.point import OperatingPoint, solve_point  # noqa: E402
 from spab_core.simulate import Settings, simulate  # noqa: E402
@@ -47,8 +48,6 @@ from spab_core.stability import (  # noqa: E402
     whirl_thresholds,
 )
 from spab_core.stability_map import StabilityMap, compute_map, load_map, save_map  # noqa: E402
-
-from spab_core._version import __version__  # noqa: E402
 
 __all__ = [
     "Design", "DesignError", "InputError", "OperatingPoint", "Settings", "StabilityMap", "__version__", "compute_map",

@@ -18,7 +18,7 @@ from spab_core.integrate import DEFAULT_TOLERANCE, METHODS, is_compiled
 from spab_core.point import solve_point
 from spab_core.simulate import BEARING_NUMBER_RANGE, Settings, path_angle
 from spab_core.stability import concentric_stiffness, whirl_thresholds
-from spab_core.stability_map import axis, compute_map, remove_parts, save_map
+from spab_core.stability_map import axis, check_plane, compute_map, remove_parts, save_map
 
 
 class _Parser(argparse.ArgumentParser):
@@ -165,12 +165,13 @@ def _whirl_threshold(args) -> dict:
 
 def _map(args) -> dict:
     bearing_number, rotor_mass = axis(args.bearing_number, "--bearing-number"), axis(args.rotor_mass, "--rotor-mass")
+    cells = check_plane(bearing_number, rotor_mass)
     check_number("--workers", args.workers, 1, 1024)
     settings, design = _settings(args), _design(args)
     _check_folder(args.out, "--out")
     parts = Path(f"{args.out}.parts")
     _say_compiling()
-    with tqdm(total=len(bearing_number) * len(rotor_mass), unit="cell", smoothing=0.05) as bar:
+    with tqdm(total=cells, unit="cell", smoothing=0.05) as bar:
         try:
             result = compute_map(design, bearing_number, rotor_mass, settings, workers=args.workers, parts=parts,
                                  progress=bar.update)

@@ -249,7 +249,7 @@ def parse_design(text: str) -> Design:
 def load_design(path: str | os.PathLike) -> Design:
     """Read a design file. Raises :class:`DesignError` with the file's name in the message."""
     try:
-        with open(path, "rb") as file:
+        with Path(path).open("rb") as file:
             raw = file.read(_MAX_TOML_BYTES + 1)
         if len(raw) > _MAX_TOML_BYTES:
             raise DesignError(f"a design file has at most {_MAX_TOML_BYTES} bytes")
@@ -280,14 +280,14 @@ def save_design(design: Design, path: str | os.PathLike) -> None:
 def write_atomically(path: str | os.PathLike, data: bytes) -> None:
     """Write a whole file or nothing: to a temporary file beside it, then renamed over it."""
     path = Path(path)
-    handle, temporary = tempfile.mkstemp(dir=path.parent or Path("."), prefix=f".{path.name}.", suffix=".tmp")
+    handle, temporary = tempfile.mkstemp(dir=path.parent or Path(), prefix=f".{path.name}.", suffix=".tmp")
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(path)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise

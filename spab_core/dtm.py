@@ -63,7 +63,7 @@ def _contact_series(rotor, r, d, k, c, dual):
             c[_K, 8] = -c[_K, 1] / (e * e)
             c[_K, 2] = c[0, 2] * c[_K, 1] / rotor.roughness
     else:
-        e0, i0 = c[0, 1], c[0, 8]
+        e0 = c[0, 1]
         s, i, f = c[k, 0], 0.0, 0.0
         for l in range(1, k):
             s -= c[l, 1] * c[k - l, 1]

@@ -1,4 +1,4 @@
-"""Plotly figures from results. Colours are the Okabe-Ito set and diverging or sequential scales safe for colour-blind eyes."""
+"""Plotly figures from results. Colours are the Okabe-Ito set, diverging and sequential scales safe for colour-blind eyes."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _hover(m: StabilityMap) -> list[str]:
     return text
 
 
-def map_figure(m: StabilityMap, layer: str = "MLE", typed: tuple[float, float] | None = None) -> go.Figure:
+def map_figure(m: StabilityMap, layer: str = "MLE", chosen: tuple[float, float] | None = None) -> go.Figure:
     """The stability map with an invisible layer of points that answers clicks.
 
     Parameters
@@ -43,7 +43,7 @@ def map_figure(m: StabilityMap, layer: str = "MLE", typed: tuple[float, float] |
     m : StabilityMap
     layer : str
         One of :data:`LAYERS`.
-    typed : tuple, optional
+    chosen : tuple, optional
         (bearing number, rotor mass in kg) of a point to mark.
 
     Returns
@@ -75,10 +75,11 @@ def map_figure(m: StabilityMap, layer: str = "MLE", typed: tuple[float, float] |
     figure.add_scattergl(
         x=b.ravel().astype(np.float32), y=kg.ravel().astype(np.float32), mode="markers", name="cells", showlegend=False,
         marker={"size": 9, "opacity": 0}, text=_hover(m), hovertemplate="%{text}<extra></extra>",
-        selected={"marker": {"opacity": 1, "size": 13, "color": "#000000"}}, unselected={"marker": {"opacity": 0}})
-    if typed:
-        figure.add_scatter(x=[typed[0]], y=[typed[1]], mode="markers", name="your point", hoverinfo="skip", showlegend=False,
-                           marker={"symbol": "x", "size": 13, "color": "#000000", "line": {"color": "#ffffff", "width": 1.5}})
+        selected={"marker": {"opacity": 0}}, unselected={"marker": {"opacity": 0}})
+    if chosen:
+        figure.add_scatter(x=[chosen[0]], y=[chosen[1]], mode="markers", name="chosen point", hoverinfo="skip", showlegend=False,
+                           marker={"symbol": "x", "size": 13, "color": "#000000", "line": {"color": "#ffffff", "width": 1.5}},
+                           selected={"marker": {"opacity": 1}}, unselected={"marker": {"opacity": 1}})
     figure.update_layout(
         xaxis={"title": BEARING_NUMBER_LABEL, "showgrid": False, "constrain": "domain"},
         yaxis={"title": MASS_LABEL, "showgrid": False}, uirevision="map", clickmode="event+select", dragmode="zoom",

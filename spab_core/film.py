@@ -5,7 +5,8 @@ Unknown: S = P H, the gas mass in a cell, at M latitudes times N azimuths, so th
     dS/dtau = (1/2 Lambda) [ (1/cos l) d_l(cos l H³/2 d_l Q) + (1/cos² l) d_t(H³/2 d_t Q) + beta (P_s² - Q) ] - d_t S / 2
 
 with P = S/H, Q = P². Fluxes are central and second order, each counted once for both its cells, so that gas is conserved
-to rounding. In the default scheme differences around are exact for the first harmonic, which carries the force. :func:`film_slope` is the readable formula; :mod:`spab_core.kernels` computes the same, fast.
+to rounding. In the default scheme differences around are exact for the first harmonic, which carries the force.
+:func:`film_slope` is the readable formula; :mod:`spab_core.kernels` computes the same, fast.
 """
 
 from __future__ import annotations

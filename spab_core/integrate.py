@@ -251,7 +251,7 @@ def sample(u, new, t, h, start, spacing, row, record):
     """Fill the path samples that fall into the step [t, t + h)."""
     n = u.size - ROTOR_STATES
     samples = record.path.shape[1]
-    k = max(0, int(math.ceil((t - start) / spacing - 1e-9)))
+    k = max(0, math.ceil((t - start) / spacing - 1e-9))
     while k < samples and start + k * spacing < t + h * (1.0 - 1e-12):
         s = (start + k * spacing - t) / h
         for c in range(4):

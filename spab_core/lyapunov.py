@@ -50,7 +50,8 @@ def exponent(growth: np.ndarray) -> Exponent | None:
 
     Notes
     -----
-    The error is that of the means of about :data:`BATCHES` consecutive batches, which keeps its meaning where successive revolutions are correlated (Law and Kelton, Simulation Modeling and Analysis, section 9.5.3).
+    The error is that of the means of about :data:`BATCHES` consecutive batches, which keeps its meaning where successive
+    revolutions are correlated (Law and Kelton, Simulation Modeling and Analysis, section 9.5.3).
     """
     n = len(growth)
     if n < 2 or not np.all(np.isfinite(growth)):

@@ -60,7 +60,7 @@ class Settings:
     scheme: str = "fitted"
 
     def __post_init__(self):
-        object.__setattr__(self, "mesh", parse_mesh(self.mesh if isinstance(self.mesh, str) else Mesh(*self.mesh)))
+        object.__setattr__(self, "mesh", parse_mesh(self.mesh if isinstance(self.mesh, str) else "x".join(map(str, self.mesh))))
         for name, allowed in (("method", METHODS), ("scheme", SCHEMES)):
             if getattr(self, name) not in allowed:
                 raise DesignError(f"{name} = {str(getattr(self, name))[:40]!r} is not allowed: choose {' or '.join(allowed)}")

@@ -28,7 +28,7 @@ from spab_core.simulate import Settings, check_point
 
 CHUNK_CELLS = 25
 MAX_CELLS = 2_000_000
-_FIELDS = {  # dtype of each cell array, in the file's order
+_FIELDS: dict[str, type | str] = {  # dtype of each cell array, in the file's order
     "mle": np.float64, "mle_standard_error": np.float64, "regime": "<U14", "period": np.int16,
     "contact_share": np.float64, "max_eccentricity": np.float64, "status": "<U16",
 }
@@ -109,6 +109,17 @@ def axis(text: str, name: str) -> np.ndarray:
     return np.linspace(start, stop, count)
 
 
+def check_plane(bearing_number: np.ndarray, rotor_mass: np.ndarray) -> int:
+    """Number of cells of a plane. Raises :class:`InputError` where there are too many or one is out of range."""
+    count = len(bearing_number) * len(rotor_mass)
+    if not 1 <= count <= MAX_CELLS:
+        raise InputError(f"a map of {count} cells is out of range: allowed is from 1 to {MAX_CELLS} cells")
+    for b in (bearing_number.min(), bearing_number.max()):
+        for m in (rotor_mass.min(), rotor_mass.max()):
+            check_point(float(m), float(b))
+    return count
+
+
 def _solve_chunk(design: Design, cells: list[tuple[float, float]], settings: Settings) -> dict[str, np.ndarray]:
     """Solve (bearing number, rotor mass) cells one after the other; runs in a worker."""
     began = time.perf_counter()
@@ -118,9 +129,7 @@ def _solve_chunk(design: Design, cells: list[tuple[float, float]], settings: Set
         point = solve_point(design, rotor_mass, bearing_number, settings)
         steps += point.trajectory.steps
         mle, regime = point.mle, point.regime
-        failed = mle is None
-        rows.append((np.nan if failed else mle.value, np.nan if failed else mle.standard_error,
-                     regime.name if regime else "", regime.period if regime else 0, point.contact_share,
+        rows.append((mle.value if mle else np.nan, mle.standard_error if mle else np.nan, regime.name if regime else "", regime.period if regime else 0, point.contact_share,
                      point.max_eccentricity, point.trajectory.status))
     columns = zip(*rows, strict=True)
     result = {name: np.array(column, dtype) for (name, dtype), column in zip(_FIELDS.items(), columns, strict=True)}
@@ -190,12 +199,7 @@ def compute_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarr
     """
     settings = settings or Settings(revolutions=300)
     bearing_number, rotor_mass = np.asarray(bearing_number, float), np.asarray(rotor_mass, float)
-    count = len(bearing_number) * len(rotor_mass)
-    if not 1 <= count <= MAX_CELLS:
-        raise InputError(f"a map of {count} cells is out of range: allowed is from 1 to {MAX_CELLS} cells")
-    for b in (bearing_number.min(), bearing_number.max()):
-        for m in (rotor_mass.min(), rotor_mass.max()):
-            check_point(float(m), float(b))
+    count = check_plane(bearing_number, rotor_mass)
     cells = [(float(b), float(m)) for b in bearing_number for m in rotor_mass]
     chunks = [cells[k:k + CHUNK_CELLS] for k in range(0, count, CHUNK_CELLS)]
     if parts:
@@ -235,7 +239,7 @@ def compute_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarr
 
 def _read_chunk(path: Path, cells: int) -> dict:
     try:
-        with np.load(path, allow_pickle=False) as data:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
             result = {name: data[name] for name in (*_FIELDS, "seconds", "steps")}
     except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
         raise MapError(f"{path} is damaged ({error}); delete it to compute that chunk again") from None
@@ -279,7 +283,7 @@ def load_map(path: str | Path) -> StabilityMap:
         For a file that is no map: missing keys, wrong shapes or kinds, values that do not fit together.
     """
     try:
-        with np.load(path, allow_pickle=False) as data:
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as data:
             missing = [k for k in ("bearing_number", "rotor_mass", *_FIELDS, "metadata") if k not in data]
             if missing:
                 raise MapError(f"{path} is not a map: it lacks {', '.join(missing)}")

@@ -12,6 +12,7 @@ from spab_core.film import Mesh, build_film, film_size
 from spab_core.integrate import METHODS, Options, advance, build_memory, build_record
 from spab_core.rotor import build_rotor
 
+SMALL = Mesh(6, 24)
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -34,7 +35,7 @@ def chromium():
 class Run:
     """One trajectory under the test's control: state, system and whole-revolution stepping."""
 
-    def __init__(self, design, rotor_mass, bearing_number, mesh=Mesh(6, 24), method="rodas", ramp=30.0, scheme="fitted"):
+    def __init__(self, design, rotor_mass, bearing_number, mesh=SMALL, method="rodas", ramp=30.0, scheme="fitted"):
         self.film = build_film(design, bearing_number, mesh, scheme)
         self.rotor = build_rotor(design, rotor_mass, bearing_number, ramp)
         self.system = (self.film, self.rotor)

@@ -9,6 +9,7 @@ from spab_core.kernels import slope, slope_tangent
 
 POINTS = {"periodic": (7.0, 6.0), "torus": (2.0, 5.0), "chaotic": (18.0, 4.5)}
 SETTLE = 40
+TINY = Mesh(4, 16)
 
 
 def _spun_up(make_run, point, **options):
@@ -75,7 +76,7 @@ def test_dtm_agrees_with_rodas_at_small_steps(make_run, point):
     assert np.abs(a.growth - b.growth).max() < 1e-6
 
 
-def _order(make_run, method, steps, tangent=False, point=(4.52, 3.0), mesh=Mesh(4, 16)):
+def _order(make_run, method, steps, tangent=False, point=(4.52, 3.0), mesh=TINY):
     start = make_run(*point, mesh=mesh)
     start.go(60, 1e-8, tangent=True)
 

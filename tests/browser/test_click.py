@@ -1,0 +1,56 @@
+"""A designer's first minute in real Chromium: the map is there, a click on a cell solves that cell live."""
+
+import importlib.util
+import re
+import time
+from pathlib import Path
+
+import pytest
+
+from spab_core.artifacts import load_reference_map
+from tests.conftest import ROOT
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
+OUTPUT = ROOT / "test-output"
+
+
+def _pictures():
+    spec = importlib.util.spec_from_file_location("take_pictures", ROOT / "docs" / "take_pictures.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_click_a_cell(chromium):
+    tools = _pictures()
+    m = load_reference_map()
+    row, column = m.nearest(18.0, 4.5)
+    messages, requests = [], []
+    with tools.dashboard() as address, tools.browser_page() as page:
+        page.on("console", lambda entry: messages.append(entry.text) if entry.type == "error" else None)
+        page.on("pageerror", lambda error: messages.append(str(error)))
+        page.on("request", lambda request: requests.append(request.url))
+        page.goto(address)
+        tools.settled(page)
+        position = page.evaluate("""([x, y]) => {
+            const plot = document.querySelector('.js-plotly-plot'), layout = plot._fullLayout;
+            const box = plot.querySelector('.plot-container .nsewdrag').getBoundingClientRect();
+            return [box.left + layout.xaxis.d2p(x), box.top + layout.yaxis.d2p(y)];
+        }""", [float(m.bearing_number[row]), float(m.rotor_mass[column])])
+        page.mouse.move(*position)
+        page.wait_for_timeout(300)
+        began = time.monotonic()
+        page.mouse.click(*position)
+        heading = f"Λ {m.bearing_number[row]:.3f}"
+        page.get_by_role("heading", name=re.compile(re.escape(heading))).wait_for(timeout=30_000)
+        tools.settled(page)
+        answered = time.monotonic() - began
+        Path(OUTPUT).mkdir(exist_ok=True)
+        page.screenshot(path=OUTPUT / "clicked.png")
+        text = page.inner_text("body")
+    assert f"{m.rotor_mass[column]:.2f} kg" in text
+    assert "Chaotic" in text
+    assert not messages, messages
+    assert all(url.startswith((address, address.replace("http", "ws"), "data:", "blob:")) for url in requests), requests
+    print(f"click to settled page: {answered:.2f} s")
