@@ -41,13 +41,13 @@ def _contact_series(rotor, r, d, k, c, dual):
         o = part * _K + k
         s = m = 0.0
         for l in range(k + 1):
-            for a in range(2):
+            for i in range(2):
                 if part == 0:
-                    s += r[l, a] * r[k - l, a]
-                    m += r[l, a] * r[k - l, 4 + a]
+                    s += r[l, i] * r[k - l, i]
+                    m += r[l, i] * r[k - l, 4 + i]
                 else:
-                    s += 2.0 * r[l, a] * d[k - l, a]
-                    m += r[l, a] * d[k - l, 4 + a] + d[l, a] * r[k - l, 4 + a]
+                    s += 2.0 * r[l, i] * d[k - l, i]
+                    m += r[l, i] * d[k - l, 4 + i] + d[l, i] * r[k - l, 4 + i]
         c[o, 0], c[o, 4] = s, m
     if c[0, 0] < 0.04:
         for part in range(2 if dual else 1):
@@ -64,23 +64,24 @@ def _contact_series(rotor, r, d, k, c, dual):
             c[_K, 2] = c[0, 2] * c[_K, 1] / rotor.roughness
     else:
         e0 = c[0, 1]
-        s, i, f = c[k, 0], 0.0, 0.0
+        s = c[k, 0]
+        inverse = f = 0.0
         for l in range(1, k):
             s -= c[l, 1] * c[k - l, 1]
         c[k, 1] = 0.5 * s / e0
         for l in range(1, k + 1):
-            i -= c[l, 1] * c[k - l, 8]
+            inverse -= c[l, 1] * c[k - l, 8]
             f += l * c[l, 1] * c[k - l, 2]
-        c[k, 8], c[k, 2] = i / e0, f / (k * rotor.roughness)
+        c[k, 8], c[k, 2] = inverse / e0, f / (k * rotor.roughness)
         if dual:
             s = c[_K + k, 0]
             for l in range(k):
                 s -= 2.0 * c[_K + l, 1] * c[k - l, 1]
             c[_K + k, 1] = 0.5 * s / e0
-            i = -c[_K, 1] * c[k, 8]
+            inverse = -c[_K, 1] * c[k, 8]
             for l in range(1, k + 1):
-                i -= c[l, 1] * c[_K + k - l, 8] + c[_K + l, 1] * c[k - l, 8]
-            c[_K + k, 8] = i / e0
+                inverse -= c[l, 1] * c[_K + k - l, 8] + c[_K + l, 1] * c[k - l, 8]
+            c[_K + k, 8] = inverse / e0
             f = 0.0
             for l in range(1, k + 1):
                 f += l * (c[_K + l, 1] * c[k - l, 2] + c[l, 1] * c[_K + k - l, 2])

@@ -77,9 +77,10 @@ def map_figure(m: StabilityMap, layer: str = "MLE", chosen: tuple[float, float] 
         marker={"size": 9, "opacity": 0}, text=_hover(m), hovertemplate="%{text}<extra></extra>",
         selected={"marker": {"opacity": 0}}, unselected={"marker": {"opacity": 0}})
     if chosen:
-        figure.add_scatter(x=[chosen[0]], y=[chosen[1]], mode="markers", name="chosen point", hoverinfo="skip", showlegend=False,
-                           marker={"symbol": "x", "size": 13, "color": "#000000", "line": {"color": "#ffffff", "width": 1.5}},
-                           selected={"marker": {"opacity": 1}}, unselected={"marker": {"opacity": 1}})
+        cross = {"symbol": "x", "size": 13, "color": "#000000", "line": {"color": "#ffffff", "width": 1.5}}
+        figure.add_scatter(x=[chosen[0]], y=[chosen[1]], mode="markers", name="chosen point", showlegend=False,
+                           hoverinfo="skip", marker=cross, selected={"marker": {"opacity": 1}},
+                           unselected={"marker": {"opacity": 1}})
     figure.update_layout(
         xaxis={"title": BEARING_NUMBER_LABEL, "showgrid": False, "constrain": "domain"},
         yaxis={"title": MASS_LABEL, "showgrid": False}, uirevision="map", clickmode="event+select", dragmode="zoom",

@@ -129,8 +129,9 @@ def _solve_chunk(design: Design, cells: list[tuple[float, float]], settings: Set
         point = solve_point(design, rotor_mass, bearing_number, settings)
         steps += point.trajectory.steps
         mle, regime = point.mle, point.regime
-        rows.append((mle.value if mle else np.nan, mle.standard_error if mle else np.nan, regime.name if regime else "", regime.period if regime else 0, point.contact_share,
-                     point.max_eccentricity, point.trajectory.status))
+        rows.append((
+            mle.value if mle else np.nan, mle.standard_error if mle else np.nan, regime.name if regime else "",
+            regime.period if regime else 0, point.contact_share, point.max_eccentricity, point.trajectory.status))
     columns = zip(*rows, strict=True)
     result = {name: np.array(column, dtype) for (name, dtype), column in zip(_FIELDS.items(), columns, strict=True)}
     return result | {"seconds": np.array(time.perf_counter() - began), "steps": np.array(steps)}
