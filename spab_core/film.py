@@ -69,8 +69,8 @@ class Film(NamedTuple):
         of the azimuth at the centres and at the faces half a cell further.
     supply : float
         P_s².
-    eye : ndarray, (padded²,)
-        Unit matrix, for the block inverse.
+    eye : ndarray, ((padded + 2) * padded,)
+        A row of zeros, the unit matrix, a row of zeros: unit vectors for the blocks of the linear solver.
     area : ndarray, (padded,)
         Integral of cos(latitude) over the cell times dtheta: the cell's area on the unit sphere, half band.
     edge_correction : float
@@ -145,8 +145,8 @@ def build_film(design: Design, bearing_number: float, mesh: Mesh = DEFAULT_MESH,
         return out
 
     theta = np.arange(n) * dt
-    eye = aligned_zeros(padded * padded)
-    eye[:] = np.eye(padded).ravel()
+    eye = aligned_zeros((padded + 2) * padded)
+    eye[padded:-padded] = np.eye(padded).ravel()
     return Film(
         cells=m, columns=n, padded=padded,
         cos_centre=pad(np.cos(centre)), cos_up=pad(np.cos(face[1:])), cos_down=pad(np.cos(face[:-1])),

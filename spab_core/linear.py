@@ -11,24 +11,23 @@ from __future__ import annotations
 from numba import njit
 
 from spab_core.kernels import contact
-from spab_core.simd import WIDTH, splat, vload, vstore, vsum
+from spab_core.simd import WIDTH, splat, spread, vload, vstore, vsum
 
 
 @njit(cache=True, nogil=True, forceinline=True)
-def _invert(b, o, m, eye):
-    """Invert in place the m x m block at b[o:], Gauss-Jordan without pivoting."""
-    for k in range(m):
-        ok = o + k * m
-        pivot = 1.0 / b[ok + k]
-        for v in range(0, m, WIDTH):
-            vstore(b, ok + v, vload(b, ok + v) * pivot + pivot * vload(eye, k * m + v))
-        for i in range(m):
-            if i != k:
-                factor = b[o + i * m + k]
-                for v in range(0, m, WIDTH):
-                    vstore(b, o + i * m + v, vload(b, o + i * m + v) - factor * vload(b, ok + v))
-        for v in range(0, m, WIDTH):
-            vstore(b, ok + v, vload(b, ok + v) - vload(eye, k * m + v))
+def _pivot(b, o, k, m, eye):
+    """Step k of Gauss-Jordan inversion in place of the m x m block at b[o:], no pivoting."""
+    ok = o + k * m
+    pivot = 1.0 / spread(b, ok + k)
+    for v in range(0, m, WIDTH):
+        vstore(b, ok + v, vload(b, ok + v) * pivot + pivot * vload(eye, (k + 1) * m + v))
+    for i in range(m):
+        if i != k:
+            factor = spread(b, o + i * m + k)
+            for v in range(0, m, WIDTH):
+                vstore(b, o + i * m + v, vload(b, o + i * m + v) - factor * vload(b, ok + v))
+    for v in range(0, m, WIDTH):
+        vstore(b, ok + v, vload(b, ok + v) - vload(eye, (k + 1) * m + v))
 
 
 @njit(cache=True, nogil=True, forceinline=True)
@@ -36,19 +35,19 @@ def _multiply(a, oa, b, ob, c, oc, m):
     """c = a b for m x m blocks stored by columns."""
     for v in range(0, m, WIDTH):
         for col in range(m):
-            total = vload(a, oa + v) * b[ob + col * m]
+            total = vload(a, oa + v) * spread(b, ob + col * m)
             for k in range(1, m):
-                total = total + vload(a, oa + k * m + v) * b[ob + col * m + k]
+                total = total + vload(a, oa + k * m + v) * spread(b, ob + col * m + k)
             vstore(c, oc + col * m + v, total)
 
 
 @njit(cache=True, nogil=True, forceinline=True)
 def _apply(a, oa, x, ox, v, m):
     """Eight rows, from v on, of the product of the block at a[oa:] and the vector at x[ox:]; two sums for latency."""
-    even, odd = vload(a, oa + v) * x[ox], vload(a, oa + m + v) * x[ox + 1]
+    even, odd = vload(a, oa + v) * spread(x, ox), vload(a, oa + m + v) * spread(x, ox + 1)
     for k in range(2, m, 2):
-        even = even + vload(a, oa + k * m + v) * x[ox + k]
-        odd = odd + vload(a, oa + (k + 1) * m + v) * x[ox + k + 1]
+        even = even + vload(a, oa + k * m + v) * spread(x, ox + k)
+        odd = odd + vload(a, oa + (k + 1) * m + v) * spread(x, ox + k + 1)
     return even + odd
 
 
@@ -115,61 +114,81 @@ def _assemble(film, work, x, y, step):
             slope_here = 2.0 * vload(work.p, s) * vload(work.y, s)  # dQ/dS
             vstore(work.upper, s, couette - east * (2.0 * vload(work.p, se) * vload(work.y, se)))
             vstore(work.lower, s, -1.0 * couette - west * (2.0 * vload(work.p, sw) * vload(work.y, sw)))
-            vstore(t, i, 1.0 + slope_here * (up + down + east + west + step * vload(film.feed, i)))
-            vstore(t, mp + i, up)
-            vstore(t, 2 * mp + i, down)
-            vstore(t, 3 * mp + i, slope_here)
-        o = j * mp * mp
-        for k in range(0, mp * mp, WIDTH):
-            vstore(work.inverse, o + k, splat(0.0))
-        for i in range(mp):
-            work.inverse[o + i * mp + i] = t[i]
-            if i + 1 < mp:
-                work.inverse[o + (i + 1) * mp + i] = -t[mp + i] * t[3 * mp + i + 1]
-                work.inverse[o + i * mp + i + 1] = -t[2 * mp + i + 1] * t[3 * mp + i]
+            vstore(t, i, slope_here)
+            here = up + down + east + west + step * vload(film.feed, i)
+            for k in range(mp):  # column k: its own cell, and what it sends to the cells below and above
+                own, below, above = vload(film.eye, (k + 1) * mp + i), vload(film.eye, k * mp + i), vload(film.eye, (k + 2) * mp + i)
+                vstore(work.inverse, (j * mp + k) * mp + i, own * here - below * up - above * down)
+        for i in range(0, mp, WIDTH):
+            for k in range(mp):
+                o = (j * mp + k) * mp + i
+                vstore(work.inverse, o, vload(film.eye, (k + 1) * mp + i) + vload(work.inverse, o) * spread(t, k))
 
 
 @njit(cache=True, nogil=True, forceinline=True)
-def _factorise_blocks(film, work, mp):
-    """Eliminate the columns one after the other; ``fill`` couples each to the last column, ``row`` the last to each."""
-    columns = film.columns
-    last, size = columns - 1, mp * mp
-    d, fill, row, lower, upper = work.inverse, work.fill, work.row, work.lower, work.upper
-    separator = last * size
+def _eliminate(film, work, j, target, towards, back, m):
+    """Eliminate column j (its block is inverted already) from the last column and from the column ``target``.
+
+    ``towards`` couples column j to ``target``, ``back`` the other way. A negative target: the last column only.
+    """
+    size = m * m
+    d, fill, row = work.inverse, work.fill, work.row
+    o, t, separator = j * size, target * size, (film.columns - 1) * size
+    # D^-1 fill, built in the free slot of the separator and copied back
+    _multiply(d, o, fill, o, fill, separator, m)
     for k in range(0, size, WIDTH):
-        vstore(fill, k, splat(0.0))
-        vstore(row, k, splat(0.0))
-    for i in range(mp):
-        fill[i * mp + i] = lower[i]
-        row[i * mp + i] = upper[last * mp + i]
-    for j in range(last):
-        o, nxt = j * size, (j + 1) * size
-        _invert(d, o, mp, film.eye)
-        product = fill  # D^-1 fill, built in the separator's slot of fill and copied back
-        _multiply(d, o, fill, o, product, separator, mp)
-        for k in range(0, size, WIDTH):
-            vstore(fill, o + k, vload(product, separator + k))
-        for v in range(0, mp, WIDTH):
-            for c in range(mp):
-                total = vload(d, separator + c * mp + v)
-                for k in range(mp):
-                    total = total - vload(row, o + k * mp + v) * fill[o + c * mp + k]
-                vstore(d, separator + c * mp + v, total)
-        if j + 1 < last:
-            _multiply(row, o, d, o, row, nxt, mp)
-            for v in range(0, mp, WIDTH):
-                l = vload(lower, (j + 1) * mp + v)
-                for c in range(mp):
-                    u = upper[j * mp + c]
-                    k = c * mp + v
-                    vstore(d, nxt + k, vload(d, nxt + k) - l * vload(d, o + k) * u)
-                    vstore(fill, nxt + k, -1.0 * (l * vload(fill, o + k)))
-                    vstore(row, nxt + k, vload(row, nxt + k) * (-u))
-            if j + 1 == last - 1:
-                for i in range(mp):
-                    fill[nxt + i * mp + i] += upper[(j + 1) * mp + i]
-                    row[nxt + i * mp + i] += lower[last * mp + i]
-    _invert(d, separator, mp, film.eye)
+        vstore(fill, o + k, vload(fill, separator + k))
+    for v in range(0, m, WIDTH):
+        for c in range(m):
+            total = vload(d, separator + c * m + v)
+            for k in range(m):
+                total = total - vload(row, o + k * m + v) * spread(fill, o + c * m + k)
+            vstore(d, separator + c * m + v, total)
+    if target >= 0:
+        _multiply(row, o, d, o, row, separator, m)
+        for v in range(0, m, WIDTH):
+            b = vload(back, target * m + v)
+            for c in range(m):
+                a, k = spread(towards, j * m + c), c * m + v
+                vstore(d, t + k, vload(d, t + k) - b * vload(d, o + k) * a)
+                vstore(fill, t + k, vload(fill, t + k) - b * vload(fill, o + k))
+                vstore(row, t + k, vload(row, t + k) - vload(row, separator + k) * a)
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def _factorise_blocks(film, work, m):
+    """Eliminate the columns from both ends of the ring towards its middle: two chains, so that one hides the other's latency.
+
+    ``fill`` couples each column to the last one, the separator; ``row`` the separator to each.
+    """
+    chain, size = film.columns - 1, m * m
+    middle = chain // 2
+    d, lower, upper = work.inverse, work.lower, work.upper
+    for k in range(0, chain * size, WIDTH):
+        vstore(work.fill, k, splat(0.0))
+        vstore(work.row, k, splat(0.0))
+    end = (chain - 1) * size
+    for i in range(m):
+        work.fill[i * m + i] = lower[i]
+        work.row[i * m + i] = upper[chain * m + i]
+        work.fill[end + i * m + i] += upper[(chain - 1) * m + i]
+        work.row[end + i * m + i] += lower[chain * m + i]
+    for j in range(middle):
+        other = chain - 1 - j
+        if other > middle:
+            for k in range(m):
+                _pivot(d, j * size, k, m, film.eye)
+                _pivot(d, other * size, k, m, film.eye)
+            _eliminate(film, work, other, other - 1, lower, upper, m)
+        else:
+            for k in range(m):
+                _pivot(d, j * size, k, m, film.eye)
+        _eliminate(film, work, j, j + 1, upper, lower, m)
+    for k in range(m):
+        _pivot(d, middle * size, k, m, film.eye)
+    _eliminate(film, work, middle, -1, upper, lower, m)
+    for k in range(m):
+        _pivot(d, chain * size, k, m, film.eye)
 
 
 @njit(cache=True, nogil=True)
@@ -182,33 +201,52 @@ def _factorise(film, work):
 
 
 @njit(cache=True, nogil=True, forceinline=True)
-def _solve_blocks(film, work, r, o, mp):
-    """Solve the film part in place for the right-hand side at r[o:]."""
-    columns = film.columns
-    last, size = columns - 1, mp * mp
+def _solve_blocks(film, work, r, o, m):
+    """Solve the film part in place for the right-hand side at r[o:], from both ends like the elimination."""
+    chain, size = film.columns - 1, m * m
+    middle = chain // 2
     d, fill, row, lower, upper = work.inverse, work.fill, work.row, work.lower, work.upper
-    t = work.scratch
-    for j in range(last):
-        here = o + j * mp
-        for v in range(0, mp, WIDTH):
-            product = _apply(d, j * size, r, here, v, mp)
+    t, last = work.scratch, o + chain * m
+    for j in range(middle + 1):
+        other = chain - 1 - j
+        for v in range(0, m, WIDTH):
+            product = _apply(d, j * size, r, o + j * m, v, m)
             vstore(t, v, product)
-            if j + 1 < last:
-                vstore(r, here + mp + v, vload(r, here + mp + v) - vload(lower, (j + 1) * mp + v) * product)
-        for v in range(0, mp, WIDTH):
-            vstore(r, o + last * mp + v, vload(r, o + last * mp + v) - _apply(row, j * size, t, 0, v, mp))
-    for v in range(0, mp, WIDTH):
-        vstore(t, v, _apply(d, last * size, r, o + last * mp, v, mp))
-    for v in range(0, mp, WIDTH):
-        vstore(r, o + last * mp + v, vload(t, v))
-    for j in range(last - 1, -1, -1):
-        here = o + j * mp
-        if j + 1 < last:
-            for v in range(0, mp, WIDTH):
-                vstore(r, here + v, vload(r, here + v) - vload(upper, j * mp + v) * vload(r, here + mp + v))
-        for v in range(0, mp, WIDTH):
-            vstore(t, v, _apply(d, j * size, r, here, v, mp) - _apply(fill, j * size, r, o + last * mp, v, mp))
-        for v in range(0, mp, WIDTH):
+            if j < middle:
+                k = (j + 1) * m + v
+                vstore(r, o + k, vload(r, o + k) - vload(lower, k) * product)
+        if other > middle:
+            for v in range(0, m, WIDTH):
+                product = _apply(d, other * size, r, o + other * m, v, m)
+                vstore(t, m + v, product)
+                k = (other - 1) * m + v
+                vstore(r, o + k, vload(r, o + k) - vload(upper, k) * product)
+        for v in range(0, m, WIDTH):
+            total = vload(r, last + v) - _apply(row, j * size, t, 0, v, m)
+            if other > middle:
+                total = total - _apply(row, other * size, t, m, v, m)
+            vstore(r, last + v, total)
+    for v in range(0, m, WIDTH):
+        vstore(t, v, _apply(d, chain * size, r, last, v, m))
+    for v in range(0, m, WIDTH):
+        vstore(r, last + v, vload(t, v))
+    for step in range(middle + 1):
+        j, other = middle - step, middle + step
+        here = o + j * m
+        if step > 0:
+            for v in range(0, m, WIDTH):
+                vstore(r, here + v, vload(r, here + v) - vload(upper, j * m + v) * vload(r, here + m + v))
+        for v in range(0, m, WIDTH):
+            vstore(t, v, _apply(d, j * size, r, here, v, m) - _apply(fill, j * size, r, last, v, m))
+        if 0 < step and other < chain:
+            there = o + other * m
+            for v in range(0, m, WIDTH):
+                vstore(r, there + v, vload(r, there + v) - vload(lower, other * m + v) * vload(r, there - m + v))
+            for v in range(0, m, WIDTH):
+                vstore(t, m + v, _apply(d, other * size, r, there, v, m) - _apply(fill, other * size, r, last, v, m))
+            for v in range(0, m, WIDTH):
+                vstore(r, there + v, vload(t, m + v))
+        for v in range(0, m, WIDTH):
             vstore(r, here + v, vload(t, v))
 
 

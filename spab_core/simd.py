@@ -55,6 +55,23 @@ def vload(typingctx, array, index):
 
 
 @intrinsic
+def spread(typingctx, array, index):
+    """One element of a flat float64 array in all eight places (unchecked: numba's own indexing tests for negatives)."""
+    if not _is_flat(array) or not isinstance(index, types.Integer):
+        return None
+
+    def codegen(context, builder, signature, args):
+        position = context.cast(builder, args[1], signature.args[1], types.intp)
+        data = context.make_array(signature.args[0])(context, builder, args[0]).data
+        one = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), builder.load(builder.gep(data, [position])),
+                                     cgutils.int32_t(0))
+        return builder.shuffle_vector(one, ir.Constant(_VECTOR, ir.Undefined),
+                                      ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH))
+
+    return f64x8(array, index), codegen
+
+
+@intrinsic
 def vstore(typingctx, array, index, value):
     """Write eight consecutive elements of a flat float64 array, from ``index`` on (unaligned, unchecked)."""
     if not _is_flat(array) or not isinstance(index, types.Integer) or value != f64x8:
@@ -144,4 +161,4 @@ def aligned_zeros(n):
     return raw[start:start + n]
 
 
-__all__ = ["WIDTH", "aligned_zeros", "f64x8", "njit", "splat", "vload", "vstore", "vsum"]
+__all__ = ["WIDTH", "aligned_zeros", "f64x8", "njit", "splat", "spread", "vload", "vstore", "vsum"]
