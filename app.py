@@ -3,9 +3,9 @@
 import streamlit as st
 
 from spab_core.design import InputError
-from spab_core.figures import LAYERS, exponent_figure, map_figure, orbit_figure, section_figure
+from spab_core.figures import LAYERS, exponent_figure, orbit_figure, section_figure
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
-from spab_core.ui.shared import live_point, reference_map
+from spab_core.ui.shared import live_point, marked_map_figure, reference_map
 
 st.set_page_config(page_title="spab: stability map", page_icon="◍", layout="wide")
 st.html("<style>.block-container{padding-top:2.2rem;padding-bottom:1rem}</style>")
@@ -41,7 +41,7 @@ with left:
     c.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%.3f",
                    help="Whole rotor mass that one bearing carries")
     chosen = (state["bearing_number"], state["rotor_mass"])
-    st.plotly_chart(map_figure(m, layer, chosen), key="map", on_select=_clicked, selection_mode="points", width="stretch",
+    st.plotly_chart(marked_map_figure(layer, chosen), key="map", on_select=_clicked, selection_mode="points", width="stretch",
                     config={"displaylogo": False, "scrollZoom": True})
     st.caption(f"{m.shape[0]} × {m.shape[1]} cold starts, {m.metadata['transient']} + {m.metadata['revolutions']} revolutions "
                f"each on {m.metadata['mesh']} film cells. Click a cell, or type Λ and mass, to solve that point now.")
@@ -71,6 +71,7 @@ with right:
     one.plotly_chart(orbit_figure(point), key="orbit", width="stretch")
     two.plotly_chart(section_figure(point), key="section", width="stretch")
     st.plotly_chart(exponent_figure(point).update_layout(height=230), key="exponent", width="stretch")
-    t = point.trajectory
+    t, cell = point.trajectory, m.nearest(mass, number)
     st.caption(f"Solved live: {t.completed} revolutions from rest, {t.steps:,} steps in {t.wall_seconds:.2f} s on "
-               f"{point.settings.mesh} film cells.")
+               f"{point.settings.mesh} film cells. Nearest cell of the map (Λ {m.bearing_number[cell[0]]:.3f}, "
+               f"{m.rotor_mass[cell[1]]:.2f} kg): {m.cell_text(*cell)}.")

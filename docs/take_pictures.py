@@ -40,11 +40,16 @@ def dashboard(theme="light"):
         process.wait(timeout=20)
 
 
+def find_chromium():
+    """Path of Chromium or Chrome on this machine, or None."""
+    return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
 @contextmanager
 def browser_page(width=1440, height=900):
-    """A page in Debian's Chromium."""
+    """A page in the machine's own Chromium."""
     with sync_playwright() as p:
-        browser = p.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        browser = p.chromium.launch(executable_path=find_chromium(), args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": width, "height": height})
         yield page
         browser.close()

@@ -5,6 +5,7 @@ Module          What it answers
 design          What is drawn: bearing, gas, rotor, contact in SI units; TOML files; dimensionless groups
 film            The film mesh and the discretised Reynolds equation, readable
 rotor           Disc, journal, shaft and contact, readable
+_kernel_cache   Where compiled kernels are kept, one folder for each state of the sources
 simd, kernels   The same equations compiled, eight latitudes to a register; their tangent and curvature
 linear          The linear system of an implicit step, solved exactly by blocks
 dtm             The paper's scheme: differential transformation in time
@@ -21,33 +22,17 @@ ui              The only part that knows Streamlit
 cli             The command ``spab``
 """
 
-import os
-import tempfile
-from pathlib import Path
+# ruff: noqa: E402
+from spab_core import _kernel_cache
 
+_kernel_cache.choose()  # before any kernel is imported
 
-def _writable_numba_cache() -> None:
-    """Give numba a place for compiled kernels where neither the package folder nor the home can be written."""
-    if os.environ.get("NUMBA_CACHE_DIR"):
-        return
-    candidates = [Path(__file__).parent, Path.home()]
-    if not any(os.access(path, os.W_OK) for path in candidates):
-        os.environ["NUMBA_CACHE_DIR"] = str(Path(tempfile.gettempdir()) / f"spab-numba-{os.getuid()}")
-
-
-_writable_numba_cache()
-
-from spab_core._version import __version__  # noqa: E402
-from spab_core.design import Design, DesignError, InputError, load_design, reference_design, save_design  # noqa: E402
-from spab_core.point import OperatingPoint, solve_point  # noqa: E402
-from spab_core.simulate import Settings, simulate  # noqa: E402
-from spab_core.stability import (  # noqa: E402
-    concentric_stiffness,
-    linear_spectrum,
-    static_equilibrium,
-    whirl_thresholds,
-)
-from spab_core.stability_map import StabilityMap, compute_map, load_map, save_map  # noqa: E402
+from spab_core._version import __version__
+from spab_core.design import Design, DesignError, InputError, load_design, reference_design, save_design
+from spab_core.point import OperatingPoint, solve_point
+from spab_core.simulate import Settings, simulate
+from spab_core.stability import concentric_stiffness, linear_spectrum, static_equilibrium, whirl_thresholds
+from spab_core.stability_map import StabilityMap, compute_map, load_map, save_map
 
 __all__ = [
     "Design", "DesignError", "InputError", "OperatingPoint", "Settings", "StabilityMap", "__version__", "compute_map",

@@ -9,23 +9,24 @@ import json
 import sys
 from pathlib import Path
 
+from joblib.externals.loky.process_executor import TerminatedWorkerError
 from tqdm import tqdm
 
-from spab_core import __version__
-from spab_core.design import InputError, check_number, load_design, reference_design, write_atomically
+from spab_core._version import __version__
+from spab_core.design import InputError, check_number, check_output, load_design, reference_design, write_atomically
 from spab_core.film import DEFAULT_MESH, SCHEMES, parse_mesh
 from spab_core.integrate import DEFAULT_TOLERANCE, METHODS, is_compiled
 from spab_core.point import solve_point
-from spab_core.simulate import BEARING_NUMBER_RANGE, Settings, path_angle
+from spab_core.simulate import BEARING_NUMBER_RANGE, Settings, check_point, path_angle
 from spab_core.stability import concentric_stiffness, whirl_thresholds
-from spab_core.stability_map import axis, check_plane, compute_map, remove_parts, save_map
+from spab_core.stability_map import axis, check_plane, compute_map, open_run, remove_parts, save_map
 
 
 class _Parser(argparse.ArgumentParser):
     """Says what is wrong in one sentence and exits with 2."""
 
     def error(self, message):
-        print(f"{self.prog}: {message}", file=sys.stderr)
+        print(f"{self.prog}: {' '.join(message.split())}", file=sys.stderr)
         raise SystemExit(2)
 
 
@@ -92,7 +93,7 @@ def _settings(args) -> Settings:
 
 
 def _design(args):
-    return load_design(args.design) if args.design else reference_design()
+    return load_design(args.design) if args.design is not None else reference_design()
 
 
 def _say_compiling():
@@ -100,23 +101,18 @@ def _say_compiling():
         print("spab: compiling the kernels, once on this machine (about a minute)", file=sys.stderr, flush=True)
 
 
-def _check_folder(path: str, option: str) -> None:
-    target = Path(path)
-    if "\0" in path or target.is_dir() or not target.parent.is_dir():
-        raise InputError(f"{option} = {path!r} cannot be written: give a file name in a folder that exists")
-
-
 _ORBIT_REVOLUTIONS = 50
 
 
 def _simulate(args) -> dict:
-    settings = _settings(args)
-    if args.orbit:
-        _check_folder(args.orbit, "--orbit")
+    settings, design = _settings(args), _design(args)
+    check_point(args.rotor_mass, args.bearing_number)
+    if args.orbit is not None:
+        check_output(args.orbit, "--orbit")
     _say_compiling()
-    point = solve_point(_design(args), args.rotor_mass, args.bearing_number, settings,
-                        path_revolutions=_ORBIT_REVOLUTIONS if args.orbit else 0)
-    if args.orbit:
+    point = solve_point(design, args.rotor_mass, args.bearing_number, settings,
+                        path_revolutions=0 if args.orbit is None else _ORBIT_REVOLUTIONS)
+    if args.orbit is not None:
         text = io.StringIO()
         writer = csv.writer(text)
         writer.writerow(["tau", "X2", "Y2", "X1", "Y1", "X2_dot", "Y2_dot", "X1_dot", "Y1_dot"])
@@ -152,12 +148,13 @@ def _whirl_threshold(args) -> dict:
             print(f"stable {t.stable_side} {t.critical_mass:.4f} kg (M = {t.critical_mass_number:.4f}); "
                   f"whirl at {t.whirl_ratio:.4f} of the shaft speed")
         if not found:
-            print("no threshold between 0.01 and 100 kg")
+            print("no threshold between 0.01 and 100 kg: stable, or unstable, over the whole range")
     first = found[0] if found else None
     return {
         "critical_mass_kg": first.critical_mass if first else None,
         "critical_mass_number": first.critical_mass_number if first else None,
         "whirl_ratio": first.whirl_ratio if first else None,
+        "stable_side": first.stable_side if first else None,
         "thresholds": [{"critical_mass_kg": t.critical_mass, "critical_mass_number": t.critical_mass_number,
                         "whirl_ratio": t.whirl_ratio, "stable_side": t.stable_side} for t in found],
     }
@@ -168,8 +165,9 @@ def _map(args) -> dict:
     cells = check_plane(bearing_number, rotor_mass)
     check_number("--workers", args.workers, 1, 1024)
     settings, design = _settings(args), _design(args)
-    _check_folder(args.out, "--out")
+    check_output(args.out, "--out")
     parts = Path(f"{args.out}.parts")
+    open_run(parts, design, bearing_number, rotor_mass, settings)
     _say_compiling()
     with tqdm(total=cells, unit="cell", smoothing=0.05) as bar:
         try:
@@ -179,6 +177,10 @@ def _map(args) -> dict:
             bar.close()
             print(f"spab: stopped; finished chunks are kept in {parts}: the same command goes on from them", file=sys.stderr)
             raise SystemExit(130) from None
+        except TerminatedWorkerError:
+            bar.close()
+            raise InputError("a worker process died (killed, or out of memory); finished chunks are kept in "
+                             f"{parts}: the same command goes on from them") from None
     save_map(result, args.out)
     remove_parts(parts)
     names, counts = _count(result)
@@ -201,8 +203,11 @@ def main(argv: list[str] | None = None) -> int:
     try:
         answer = args.run(args)
     except InputError as error:
-        print(f"spab {args.command}: {error}", file=sys.stderr)
+        print(f"spab {args.command}: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("spab: stopped", file=sys.stderr)
+        return 130
     except OSError as error:
         print(f"spab {args.command}: {error.filename or 'file'}: {error.strerror or error}", file=sys.stderr)
         return 2

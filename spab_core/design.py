@@ -119,9 +119,17 @@ class Contact(_Checked):
     """Exponential asperity law of the wall."""
 
     force_at_closure: float = _number(100.0, "", 0.0, 1e6, "contact force at e = 1, over p_a R2")
-    roughness: float = _number(0.02, "", 1e-3, 0.2, "roughness length over the clearance")
+    roughness: float = _number(0.02, "", 1e-3, 0.1, "roughness length over the clearance")
     friction: float = _number(0.1, "", 0.0, 2.0, "friction coefficient")
     damping: float = _number(0.5, "", 0.0, 100.0, "contact damping, per dimensionless radial speed")
+
+    def __post_init__(self):
+        super().__post_init__()
+        at_centre = self.force_at_closure * math.exp(-1.0 / self.roughness)
+        if at_centre > 1e-6:
+            raise DesignError(f"contact.roughness = {self.roughness:g} is out of range for contact.force_at_closure = "
+                              f"{self.force_at_closure:g}: the contact force at the centre, f0 exp(-1/s), would be "
+                              f"{at_centre:.2g}; allowed is at most 1e-06")
 
 
 @dataclass(frozen=True)
@@ -135,7 +143,7 @@ class Design:
 
     Notes
     -----
-    The dimensionless groups follow docs/model.md, sections 2 and 3.
+    The dimensionless groups follow docs/model.md.
     """
 
     bearing: Bearing = field(default_factory=Bearing)
@@ -223,7 +231,7 @@ class Design:
         parts = {}
         for section, values in data.items():
             if section not in _SECTIONS:
-                raise DesignError(f"unknown section [{str(section)[:60]}]: allowed are {', '.join(_SECTIONS)}")
+                raise DesignError(f"unknown section {str(section)[:60]!r}: allowed are {', '.join(_SECTIONS)}")
             known = [f.name for f in fields(_SECTIONS[section])]
             if not isinstance(values, dict):
                 raise DesignError(f"[{section}] must be a section with the keys {', '.join(known)}")
@@ -239,7 +247,7 @@ _MAX_TOML_BYTES = 100_000
 
 
 def parse_design(text: str) -> Design:
-    """Read a design from TOML text (docs/model.md, section 5). Raises :class:`DesignError`."""
+    """Read a design from TOML text (docs/model.md). Raises :class:`DesignError`."""
     try:
         return Design.from_dict(tomllib.loads(text))
     except (tomllib.TOMLDecodeError, RecursionError) as error:
@@ -277,9 +285,16 @@ def save_design(design: Design, path: str | os.PathLike) -> None:
     write_atomically(path, design_toml(design).encode())
 
 
+def check_output(path: str | os.PathLike, name: str) -> None:
+    """Raise :class:`InputError` unless ``path`` can become a regular file: a file or nothing yet, in a folder that exists."""
+    target = Path(path)
+    if "\0" in str(path) or not str(path) or not target.parent.is_dir() or (target.exists() and not target.is_file()):
+        raise InputError(f"{name} = {str(path)[:200]!r} cannot be written: give a file name in a folder that exists")
+
+
 def write_atomically(path: str | os.PathLike, data: bytes) -> None:
-    """Write a whole file or nothing: to a temporary file beside it, then renamed over it."""
-    path = Path(path)
+    """Write a whole file or nothing: to a temporary file beside it, then renamed over it. A link's target is replaced."""
+    path = Path(path).resolve()
     handle, temporary = tempfile.mkstemp(dir=path.parent or Path(), prefix=f".{path.name}.", suffix=".tmp")
     try:
         with os.fdopen(handle, "wb") as file:
@@ -294,5 +309,5 @@ def write_atomically(path: str | os.PathLike, data: bytes) -> None:
 
 
 def reference_design() -> Design:
-    """The reference design "SPAB-60" (docs/model.md, section 5)."""
+    """The reference design "SPAB-60" (docs/model.md)."""
     return parse_design(resources.files("spab_core").joinpath("designs/spab60.toml").read_text("utf-8"))

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from spab_core.film import Film, film_size
-from spab_core.kernels import error_norm
+from spab_core.kernels import CENTRE, error_norm
 from spab_core.rotor import ROTOR_STATES
 from spab_core.simd import WIDTH, aligned_zeros, splat, vload, vstore, vsum
 
@@ -49,7 +49,7 @@ def _contact_series(rotor, r, d, k, c, dual):
                     s += 2.0 * r[l, i] * d[k - l, i]
                     m += r[l, i] * d[k - l, 4 + i] + d[l, i] * r[k - l, 4 + i]
         c[o, 0], c[o, 4] = s, m
-    if c[0, 0] < 0.04:
+    if c[0, 0] < CENTRE**2 or (c[0, 0] < 1.0 and 1.0 - math.sqrt(c[0, 0]) > 40.0 * rotor.roughness):
         for part in range(2 if dual else 1):
             c[part * _K + k, 6] = c[part * _K + k, 7] = 0.0
         return
@@ -320,7 +320,7 @@ def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
             total, dtotal = total * h + r[k, i], dtotal * h + d[k, i]
         new[n + i], new_v[n + i], last_term[n + i] = total, dtotal, r[DTM_ORDER, i] * power
         tangent_size, tangent_last = tangent_size + dtotal * dtotal, tangent_last + (d[DTM_ORDER, i] * power) ** 2
-    error = error_norm(system, u, new, last_term)
+    error = error_norm(system, work, new, last_term)
     if with_tangent:  # an explicit step too long for stiffness shows in the tangent long before it shows in the state
         error = max(error, math.sqrt(tangent_last / tangent_size))
     return error

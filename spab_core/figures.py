@@ -25,17 +25,11 @@ BEARING_NUMBER_LABEL, MASS_LABEL = "Bearing number Λ", "Rotor mass on one beari
 def _hover(m: StabilityMap) -> list[str]:
     b, kg = np.meshgrid(m.bearing_number, m.rotor_mass, indexing="ij")
     rpm = m.design.speed_rpm(1.0) * b
-    text = []
-    for k in range(m.mle.size):
-        regime, period = m.regime.flat[k], m.period.flat[k]
-        what = f"{regime}-{period}" if period else regime or m.status.flat[k]
-        mle = f"MLE {m.mle.flat[k]:+.3f} ± {m.mle_standard_error.flat[k]:.3f} /rev" if regime else "no MLE"
-        text.append(f"Λ {b.flat[k]:.3f} ({rpm.flat[k]:,.0f} rpm), {kg.flat[k]:.2f} kg<br><b>{what}</b>, {mle}<br>"
-                    f"contact {100 * m.contact_share.flat[k]:.1f} %, largest eccentricity {m.max_eccentricity.flat[k]:.3f}")
-    return text
+    return [f"Λ {b[k]:.3f} ({rpm[k]:,.0f} rpm), {kg[k]:.2f} kg<br><b>{m.cell_text(*k)}</b><br>contact "
+            f"{100 * m.contact_share[k]:.1f} %, largest eccentricity {m.max_eccentricity[k]:.3f}" for k in np.ndindex(m.shape)]
 
 
-def map_figure(m: StabilityMap, layer: str = "MLE", chosen: tuple[float, float] | None = None) -> go.Figure:
+def map_figure(m: StabilityMap, layer: str = "MLE") -> go.Figure:
     """The stability map with an invisible layer of points that answers clicks.
 
     Parameters
@@ -43,8 +37,6 @@ def map_figure(m: StabilityMap, layer: str = "MLE", chosen: tuple[float, float] 
     m : StabilityMap
     layer : str
         One of :data:`LAYERS`.
-    chosen : tuple, optional
-        (bearing number, rotor mass in kg) of a point to mark.
 
     Returns
     -------
@@ -76,17 +68,20 @@ def map_figure(m: StabilityMap, layer: str = "MLE", chosen: tuple[float, float] 
         x=b.ravel().astype(np.float32), y=kg.ravel().astype(np.float32), mode="markers", name="cells", showlegend=False,
         marker={"size": 9, "opacity": 0}, text=_hover(m), hovertemplate="%{text}<extra></extra>",
         selected={"marker": {"opacity": 0}}, unselected={"marker": {"opacity": 0}})
-    if chosen:
-        cross = {"symbol": "x", "size": 13, "color": "#000000", "line": {"color": "#ffffff", "width": 1.5}}
-        figure.add_scatter(x=[chosen[0]], y=[chosen[1]], mode="markers", name="chosen point", showlegend=False,
-                           hoverinfo="skip", marker=cross, selected={"marker": {"opacity": 1}},
-                           unselected={"marker": {"opacity": 1}})
     figure.update_layout(
         xaxis={"title": BEARING_NUMBER_LABEL, "showgrid": False, "constrain": "domain"},
         yaxis={"title": MASS_LABEL, "showgrid": False}, uirevision="map", clickmode="event+select", dragmode="zoom",
         margin={"l": 60, "r": 10, "t": 30, "b": 50}, height=600,
         legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0})
     return figure
+
+
+def mark_point(figure: go.Figure, bearing_number: float, rotor_mass: float) -> go.Figure:
+    """Add a cross at an operating point (rotor mass in kg) to a map's figure; returns the figure."""
+    cross = {"symbol": "x", "size": 13, "color": "#000000", "line": {"color": "#ffffff", "width": 1.5}}
+    return figure.add_scatter(x=[bearing_number], y=[rotor_mass], mode="markers", name="chosen point", showlegend=False,
+                              hoverinfo="skip", marker=cross, selected={"marker": {"opacity": 1}},
+                              unselected={"marker": {"opacity": 1}})
 
 
 def _square(figure, title):

@@ -1,4 +1,4 @@
-"""The gas film: a finite-volume mesh of the half band and the semi-discrete Reynolds equation (docs/model.md, section 2).
+"""The gas film: a finite-volume mesh of the half band and the semi-discrete Reynolds equation (docs/model.md).
 
 Unknown: S = P H, the gas mass in a cell, at M latitudes times N azimuths, so that
 

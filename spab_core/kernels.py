@@ -16,9 +16,9 @@ from numba import njit
 
 from spab_core.film import Film, film_size
 from spab_core.rotor import ROTOR_STATES
-from spab_core.simd import WIDTH, aligned_zeros, splat, vload, vstore, vsum
+from spab_core.simd import WIDTH, aligned_zeros, splat, vload, vmin, vstore, vsum
 
-NO_CONTACT_BELOW = 0.2  # there the asperity force is below rounding: exp(-0.8 / 0.2) needs s = 0.2, see contact()
+CENTRE = 1e-9  # below this eccentricity the direction of the contact force has no meaning; the force is left out
 
 
 class Work(NamedTuple):
@@ -72,7 +72,8 @@ def contact(rotor, x, y, vx, vy, a, b):
     F, dF[a], dF[b], d²F[a, b], x and y of each.
     """
     e2 = x * x + y * y
-    if e2 < NO_CONTACT_BELOW**2:
+    # under e^-40 of its value at closure the force is below rounding of any film force
+    if e2 < CENTRE**2 or (e2 < 1.0 and (1.0 - math.sqrt(e2)) > 40.0 * rotor.roughness):
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     e = math.sqrt(e2)
     f = rotor.contact_force * math.exp((e - 1.0) / rotor.roughness)
@@ -222,7 +223,7 @@ def slope_tangent(system, t, u, v, work, out, out_v):
         west, dwest = k * h * d, k * (dh * d + h * (vload(dq, WIDTH + i) - vload(dq, ol)))
         for j in range(columns):
             je, jw = (j + 1 if j < last else 0), (j - 1 if j > 0 else last)
-            o, oe = WIDTH + j * stride + i, WIDTH + (j + 1 if j < last else 0) * stride + i
+            o, oe = WIDTH + j * stride + i, WIDTH + je * stride + i
             qc, dqc = vload(q, o), vload(dq, o)
             g = x * film.cos[j] + y * film.sin[j]
             dg = -3.0 * (dx * film.cos[j] + dy * film.sin[j])
@@ -336,17 +337,22 @@ def add_curvature(system, u, v, w, scale, work, out):
 
 
 @njit(cache=True, nogil=True)
-def error_norm(system, u, new, error):
+def error_norm(system, work, new, error):
     """Size of a step's error: the worst of journal and disc position (over C), velocity (over 1 + speed) and film (rms)."""
     film, _ = system
     n = film.columns * film.padded
-    total = 0.0
-    for k in range(n):
-        scaled = error[k] / (1.0 + abs(new[k]))
-        total += scaled * scaled
-        if not new[k] > 0.0:
+    total, least = splat(0.0), splat(math.inf)
+    for k in range(0, n, WIDTH):
+        gas = vload(new, k)
+        scaled = vload(error, k) / (1.0 + gas)
+        total, least = total + scaled * scaled, vmin(least, gas)
+    worst = math.sqrt(vsum(total) / (film.columns * film.cells))
+    vstore(work.scratch, 0, least)
+    for k in range(WIDTH):
+        if not work.scratch[k] > 0.0:
             return math.inf  # gas content must stay positive
-    worst = math.sqrt(total / (film.columns * film.cells))
+    if not math.isfinite(worst):
+        return math.inf
     speed = 1.0
     for k in range(n + 4, n + 8):
         speed = max(speed, abs(new[k]))

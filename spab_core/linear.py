@@ -31,8 +31,28 @@ def _pivot(b, o, k, m, eye):
 
 
 @njit(cache=True, nogil=True, forceinline=True)
+def _columns(a, oa):
+    """The eight columns of an 8 x 8 block: held in registers, which stores to other blocks would otherwise forbid."""
+    return (vload(a, oa), vload(a, oa + 8), vload(a, oa + 16), vload(a, oa + 24), vload(a, oa + 32), vload(a, oa + 40),
+            vload(a, oa + 48), vload(a, oa + 56))
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def _times(a, x, ox):
+    """An 8 x 8 block, as :func:`_columns`, times the vector at x[ox:]."""
+    even = a[0] * spread(x, ox) + a[2] * spread(x, ox + 2) + a[4] * spread(x, ox + 4) + a[6] * spread(x, ox + 6)
+    odd = a[1] * spread(x, ox + 1) + a[3] * spread(x, ox + 3) + a[5] * spread(x, ox + 5) + a[7] * spread(x, ox + 7)
+    return even + odd
+
+
+@njit(cache=True, nogil=True, forceinline=True)
 def _multiply(a, oa, b, ob, c, oc, m):
     """c = a b for m x m blocks stored by columns."""
+    if m == WIDTH:
+        block = _columns(a, oa)
+        for col in range(m):
+            vstore(c, oc + col * m, _times(block, b, ob + col * m))
+        return
     for v in range(0, m, WIDTH):
         for col in range(m):
             total = vload(a, oa + v) * spread(b, ob + col * m)
@@ -117,7 +137,8 @@ def _assemble(film, work, x, y, step):
             vstore(t, i, slope_here)
             here = up + down + east + west + step * vload(film.feed, i)
             for k in range(mp):  # column k: its own cell, and what it sends to the cells below and above
-                own, below, above = vload(film.eye, (k + 1) * mp + i), vload(film.eye, k * mp + i), vload(film.eye, (k + 2) * mp + i)
+                unit = k * mp + i
+                own, below, above = vload(film.eye, unit + mp), vload(film.eye, unit), vload(film.eye, unit + 2 * mp)
                 vstore(work.inverse, (j * mp + k) * mp + i, own * here - below * up - above * down)
         for i in range(0, mp, WIDTH):
             for k in range(mp):
@@ -138,7 +159,11 @@ def _eliminate(film, work, j, target, towards, back, m):
     _multiply(d, o, fill, o, fill, separator, m)
     for k in range(0, size, WIDTH):
         vstore(fill, o + k, vload(fill, separator + k))
-    for v in range(0, m, WIDTH):
+    if m == WIDTH:
+        block = _columns(row, o)
+        for c in range(m):
+            vstore(d, separator + c * m, vload(d, separator + c * m) - _times(block, fill, o + c * m))
+    for v in range(0, m if m > WIDTH else 0, WIDTH):
         for c in range(m):
             total = vload(d, separator + c * m + v)
             for k in range(m):
@@ -173,22 +198,18 @@ def _factorise_blocks(film, work, m):
         work.row[i * m + i] = upper[chain * m + i]
         work.fill[end + i * m + i] += upper[(chain - 1) * m + i]
         work.row[end + i * m + i] += lower[chain * m + i]
-    for j in range(middle):
-        other = chain - 1 - j
-        if other > middle:
-            for k in range(m):
-                _pivot(d, j * size, k, m, film.eye)
+    for step in range(middle + 2):
+        j, other = (step, chain - 1 - step) if step <= middle else (chain, -1)  # the separator comes last
+        pair = other > middle
+        for k in range(m):
+            _pivot(d, j * size, k, m, film.eye)
+            if pair:
                 _pivot(d, other * size, k, m, film.eye)
-            _eliminate(film, work, other, other - 1, lower, upper, m)
-        else:
-            for k in range(m):
-                _pivot(d, j * size, k, m, film.eye)
-        _eliminate(film, work, j, j + 1, upper, lower, m)
-    for k in range(m):
-        _pivot(d, middle * size, k, m, film.eye)
-    _eliminate(film, work, middle, -1, upper, lower, m)
-    for k in range(m):
-        _pivot(d, chain * size, k, m, film.eye)
+        for side in range((2 if pair else 1) if step <= middle else 0):
+            column = j if side == 0 else other
+            target = other - 1 if side == 1 else (j + 1 if j < middle else -1)
+            towards, back = (upper, lower) if side == 0 else (lower, upper)
+            _eliminate(film, work, column, target, towards, back, m)
 
 
 @njit(cache=True, nogil=True)

@@ -57,7 +57,8 @@ def exponent(growth: np.ndarray) -> Exponent | None:
     if n < 2 or not np.all(np.isfinite(growth)):
         return None
     size = max(n // BATCHES, 1)
-    size -= size % _CYCLE if size > _CYCLE else 0
+    if n >= 5 * _CYCLE:
+        size = max(size - size % _CYCLE, _CYCLE)
     batches = n // size
     means = growth[n - batches * size:].reshape(batches, size).mean(axis=1)
     trace = np.cumsum(growth) / np.arange(1, n + 1)

@@ -40,7 +40,7 @@ class OperatingPoint:
     def contact_share(self) -> float:
         """Share of the measured time at an eccentricity above 0.9; nan where nothing was measured."""
         contact = self.trajectory.contact
-        return float(contact.mean()) if len(contact) else float("nan")
+        return min(float(contact.mean()), 1.0) if len(contact) else float("nan")
 
     @property
     def max_eccentricity(self) -> float:
@@ -72,12 +72,15 @@ class OperatingPoint:
 
     def verdict(self) -> str:
         """One sentence for a designer."""
-        if self.regime is None:
+        if self.regime is None or self.mle is None:
             return f"No exponent: {STATUS_TEXT[self.trajectory.status]}."
+        if self.regime.name == "quasi-periodic" and abs(self.mle.value) > 0.01:
+            return (f"Undecided: the orbit does not repeat and its exponent, {self.mle.value:+.3f} ± "
+                    f"{self.mle.standard_error:.3f}, is not clearly zero; measure more revolutions.")
         text = {
             "periodic": "Periodic: the orbit repeats every revolution" if self.regime.period == 1 else
                         f"Periodic: the orbit repeats every {self.regime.period} revolutions",
-            "quasi-periodic": "Quasi-periodic: a self-excited whirl rides on the synchronous orbit",
+            "quasi-periodic": "Quasi-periodic: the orbit does not repeat; a whirl of its own frequency rides on the rotation",
             "chaotic": "Chaotic: the orbit never repeats and its loads are not predictable",
         }[self.regime.name]
         if self.contact_share >= 0.0005:

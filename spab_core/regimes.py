@@ -59,7 +59,7 @@ def _settling_period(section: np.ndarray) -> int:
 
 
 def classify(section: np.ndarray, mle: Exponent) -> Regime:
-    """Regime of a completed run (docs/model.md, section 6).
+    """Regime of a completed run (docs/model.md).
 
     Chaotic where the exponent exceeds 0.01 per revolution and three standard errors; periodic-n where the section
     repeats after n <= 16 revolutions, or still contracts to such a cycle with a clearly negative exponent; else

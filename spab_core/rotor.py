@@ -1,4 +1,4 @@
-"""Disc and journal on an elastic shaft, asperity contact at the wall (docs/model.md, sections 3 and 4).
+"""Disc and journal on an elastic shaft, asperity contact at the wall (docs/model.md).
 
 Rotor state: [X2, Y2, X1, Y1, X2', Y2', X1', Y1'], journal (2) before disc (1). A rigid rotor is its journal alone; the disc
 entries of its state then stay zero and mean nothing.

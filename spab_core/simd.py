@@ -140,6 +140,18 @@ def _negate(a):
 
 
 @intrinsic
+def vmin(typingctx, a, b):
+    """The smaller of each pair of elements."""
+    if a != f64x8 or b != f64x8:
+        return None
+
+    def codegen(context, builder, signature, args):
+        return builder.select(builder.fcmp_ordered("<", args[0], args[1]), args[0], args[1])
+
+    return f64x8(a, b), codegen
+
+
+@intrinsic
 def vsum(typingctx, value):
     """Sum of the eight elements, in a fixed order."""
     if value != f64x8:
@@ -161,4 +173,4 @@ def aligned_zeros(n):
     return raw[start:start + n]
 
 
-__all__ = ["WIDTH", "aligned_zeros", "f64x8", "njit", "splat", "spread", "vload", "vstore", "vsum"]
+__all__ = ["WIDTH", "aligned_zeros", "f64x8", "njit", "splat", "spread", "vload", "vmin", "vstore", "vsum"]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spab_core.design import Design, DesignError, check_number
-from spab_core.film import DEFAULT_MESH, SCHEMES, Mesh, build_film, film_array, parse_mesh
+from spab_core.film import DEFAULT_MESH, SCHEMES, Mesh, build_film, parse_mesh
 from spab_core.integrate import (
     DEFAULT_TOLERANCE,
     METHODS,
@@ -96,10 +96,6 @@ class Trajectory:
         Largest eccentricity in each revolution.
     path : ndarray, (path revolutions, samples, 8)
         Rotor states in the last recorded revolutions.
-    start_path : ndarray
-        The same for the first revolutions of the run.
-    pressure : ndarray, (azimuth, latitude)
-        P over the half band at the end.
     steps : int
         Integration steps taken.
     wall_seconds : float
@@ -112,8 +108,6 @@ class Trajectory:
     contact: np.ndarray
     peak: np.ndarray
     path: np.ndarray
-    start_path: np.ndarray
-    pressure: np.ndarray
     steps: int
     wall_seconds: float
 
@@ -126,7 +120,7 @@ def check_point(rotor_mass: float, bearing_number: float) -> None:
 
 def simulate(design: Design, rotor_mass: float, bearing_number: float, settings: Settings | None = None, *,
              path_revolutions: int = 0, samples: int = 96, progress: Progress | None = None) -> Trajectory:
-    """Run one operating point from the cold start (docs/model.md, section 6).
+    """Run one operating point from the cold start (docs/model.md).
 
     Parameters
     ----------
@@ -137,7 +131,7 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
         Lambda.
     settings : Settings
     path_revolutions : int
-        How many of the last measured revolutions, and of the first of all, to keep as paths.
+        How many of the last measured revolutions to keep as paths.
     samples : int
         Points a revolution of a path.
     progress : callable
@@ -180,25 +174,20 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
         return type(record)(*(a[:row] for a in record))
 
     transient = int(settings.transient)
-    early = min(path_revolutions, transient)
-    first = run(early, keep=early)
-    aligned = min(ALIGNMENT, transient // 2, transient - early)
-    run(transient - early - aligned)
+    aligned = min(ALIGNMENT, transient // 2)
+    run(transient - aligned)
     run(aligned, tangent=True)
     kept = min(path_revolutions, int(settings.revolutions))
     main = run(int(settings.revolutions) - kept, tangent=True)
     last = run(kept, tangent=True, keep=kept)
 
-    n = film.columns * film.padded
-    state = memory.state
     if design.rigid:  # the disc is the journal
-        for record in (first, main, last):
+        for record in (main, last):
             for array in (record.section, record.path):
                 array[..., 2:4], array[..., 6:8] = array[..., 0:2], array[..., 4:6]
-    gap = 1.0 - np.outer(state[n] * film.cos + state[n + 1] * film.sin, film.cos_centre[: film.cells])
     both = [np.concatenate(pair) for pair in zip(main[:4], last[:4], strict=True)]
-    return Trajectory(STATUS[status], done, both[0], both[1], both[2] / REVOLUTION, both[3], last.path, first.path,
-                      film_array(film, state) / gap, int(memory.control[1]), time.perf_counter() - began)
+    return Trajectory(STATUS[status], done, both[0], both[1], both[2] / REVOLUTION, both[3], last.path,
+                      int(memory.control[1]), time.perf_counter() - began)
 
 
 def path_angle(trajectory: Trajectory) -> np.ndarray:

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from scipy.optimize import brentq
 
-from spab_core.design import Design
+from spab_core.design import Design, InputError
 from spab_core.film import DEFAULT_MESH, Film, Mesh, build_film, film_size
 from spab_core.kernels import build_work, slope_tangent
 from spab_core.rotor import ROTOR_STATES, RotorCoefficients, build_rotor
 
 THRESHOLD_RANGE = (1e-2, 1e2)  # kg, searched for the whirl threshold
+MAX_DENSE_CELLS = 2500  # cells of a mesh that dense linear algebra takes in seconds
 _NEWTON_STEPS = 60
 
 
@@ -67,6 +67,14 @@ def _unknowns(film: Film, rigid: bool) -> np.ndarray:
     n = film_size(film)
     cells = np.arange(n).reshape(film.columns, film.padded)[:, : film.cells].ravel()
     return np.concatenate([cells, n + np.array([0, 1, 4, 5] if rigid else range(ROTOR_STATES))])
+
+
+def _dense_film(design: Design, bearing_number: float, mesh: Mesh) -> Film:
+    """The film, where its mesh is small enough for dense linear algebra; raises :class:`InputError` otherwise."""
+    cells = mesh[0] * mesh[1]
+    if cells > MAX_DENSE_CELLS:
+        raise InputError(f"mesh = {mesh[0]}x{mesh[1]} has {cells} cells: linear stability allows at most {MAX_DENSE_CELLS}")
+    return build_film(design, bearing_number, mesh)
 
 
 def _without_unbalance(rotor: RotorCoefficients) -> RotorCoefficients:
@@ -124,8 +132,8 @@ def concentric_state(film: Film, rotor: RotorCoefficients) -> np.ndarray:
             fraction *= 0.5
         state[cells] -= fraction * step
         if np.abs(step).max() < 1e-12:
-            break
-    return state
+            return state
+    raise InputError("no steady film of the centred journal was found; try a finer mesh")
 
 
 def concentric_stiffness(design: Design, bearing_number: float, mesh: Mesh = DEFAULT_MESH) -> tuple[float, float]:
@@ -142,7 +150,7 @@ def concentric_stiffness(design: Design, bearing_number: float, mesh: Mesh = DEF
     kxx, kyx : float
         Over p_a R² per clearance; times ``design.stiffness_unit`` in N/m. K_xx = K_yy, K_xy = -K_yx by symmetry.
     """
-    film = build_film(design, bearing_number, mesh)
+    film = _dense_film(design, bearing_number, mesh)
     rotor = _without_unbalance(build_rotor(design.replace(rotor__gravity=0.0), 1.0, bearing_number))
     rotor = rotor._replace(contact_force=0.0)
     state = concentric_state(film, rotor)
@@ -175,7 +183,7 @@ def static_equilibrium(design: Design, rotor_mass: float, bearing_number: float,
     Equilibrium or None
         None where no equilibrium was found.
     """
-    film = build_film(design, bearing_number, mesh)
+    film = _dense_film(design, bearing_number, mesh)
     rotor = _without_unbalance(build_rotor(design, rotor_mass, bearing_number))
     unknowns, n = _unknowns(film, design.rigid), film_size(film)
     load, done, step = (1.0, 0.0, 1.0) if guess is not None else (0.25, 0.0, 0.25)
@@ -244,7 +252,7 @@ def linear_spectrum(design: Design, rotor_mass: float, bearing_number: float, me
 
 def whirl_thresholds(design: Design, bearing_number: float, mesh: Mesh = DEFAULT_MESH,
                      masses: tuple[float, float] = THRESHOLD_RANGE, scan: int = 25) -> list[Threshold]:
-    """Every rotor mass in the range where the static equilibrium changes its linear stability, in rising order.
+    """Rotor masses where the static equilibrium changes its linear stability, in rising order.
 
     Parameters
     ----------
@@ -254,34 +262,41 @@ def whirl_thresholds(design: Design, bearing_number: float, mesh: Mesh = DEFAULT
     masses : tuple
         Range searched, kg.
     scan : int
-        Masses tried, equally spaced in the logarithm, before each sign change is refined by Brent's method.
+        Masses tried, equally spaced in the logarithm, before each sign change is bisected; two changes between neighbours
+        go unseen.
 
     Returns
     -------
     list of Threshold
         Empty where the stability is the same over the whole range.
     """
-    guess = None
-
-    def leading(log_mass):
-        nonlocal guess
+    def leading(log_mass, guess):
+        """Leading eigenvalue and equilibrium, (None, None) where no equilibrium was found."""
         spectrum = linear_spectrum(design, math.exp(log_mass), bearing_number, mesh, guess)
-        if spectrum is None:  # the guess may be too far away
+        if spectrum is None and guess is not None:  # the guess may be too far away
             spectrum = linear_spectrum(design, math.exp(log_mass), bearing_number, mesh)
-        if spectrum is None:
-            return None
-        guess = spectrum[1].state
-        return spectrum[0][0]
+        return (None, None) if spectrum is None else (spectrum[0][0], spectrum[1].state)
 
     logs = np.linspace(math.log(masses[0]), math.log(masses[1]), scan)
-    values = [leading(x) for x in logs]
+    values, state = [], None
+    for x in logs:
+        value, state = leading(x, state)
+        values.append((value, state))
     found = []
     for k in range(scan - 1):
-        a, b = values[k], values[k + 1]
-        if a is None or b is None or a.real * b.real > 0.0:
+        (a, start), (b, _) = values[k], values[k + 1]
+        if a is None or b is None or (a.real < 0.0) == (b.real < 0.0):
             continue
-        root = brentq(lambda x: leading(x).real, logs[k], logs[k + 1], xtol=1e-6)
-        mass = math.exp(root)
-        found.append(Threshold(mass, design.mass_number(mass, bearing_number), abs(leading(root).imag),
-                               "below" if a.real < 0.0 else "above"))
+        low, high = logs[k], logs[k + 1]
+        while high - low > 1e-6:  # bisection: one more equilibrium may be missing anywhere in between
+            middle = 0.5 * (low + high)
+            value, _ = leading(middle, start)
+            if value is None:
+                break
+            low, high = (middle, high) if (value.real < 0.0) == (a.real < 0.0) else (low, middle)
+        value, _ = leading(0.5 * (low + high), start)
+        if value is not None:
+            mass = math.exp(0.5 * (low + high))
+            found.append(Threshold(mass, design.mass_number(mass, bearing_number), abs(value.imag),
+                                   "below" if a.real < 0.0 else "above"))
     return found

@@ -12,7 +12,9 @@ import json
 import platform
 import shutil
 import time
+import tokenize
 import zipfile
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,10 +22,11 @@ from pathlib import Path
 import joblib
 import numpy as np
 
+from spab_core._kernel_cache import source_hash
 from spab_core.design import Design, InputError, write_atomically
-from spab_core.integrate import STATUS
+from spab_core.integrate import STATUS, is_compiled
 from spab_core.point import solve_point
-from spab_core.regimes import MAX_PERIOD, REGIMES
+from spab_core.regimes import MAX_PERIOD, REGIMES, Regime
 from spab_core.simulate import Settings, check_point
 
 CHUNK_CELLS = 25
@@ -32,6 +35,11 @@ _FIELDS: dict[str, type | str] = {  # dtype of each cell array, in the file's or
     "mle": np.float64, "mle_standard_error": np.float64, "regime": "<U14", "period": np.int16,
     "contact_share": np.float64, "max_eccentricity": np.float64, "status": "<U16",
 }
+
+
+# whatever numpy, zipfile and zlib raise for a file that is damaged or no NPZ
+_UNREADABLE = (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error, tokenize.TokenError,
+               MemoryError, SyntaxError)
 
 
 class MapError(InputError):
@@ -87,6 +95,14 @@ class StabilityMap:
                 int(np.abs(self.rotor_mass - rotor_mass).argmin()))
 
 
+    def cell_text(self, row: int, column: int) -> str:
+        """A cell in words: regime with period and exponent, or the status of a failed run."""
+        if not self.regime[row, column]:
+            return f"no exponent ({self.status[row, column]})"
+        name = Regime(str(self.regime[row, column]), int(self.period[row, column])).text
+        return f"{name}, MLE {self.mle[row, column]:+.3f} ± {self.mle_standard_error[row, column]:.3f}"
+
+
 def axis(text: str, name: str) -> np.ndarray:
     """Read "start:stop:count", both ends included.
 
@@ -120,7 +136,8 @@ def check_plane(bearing_number: np.ndarray, rotor_mass: np.ndarray) -> int:
     return count
 
 
-def _solve_chunk(design: Design, cells: list[tuple[float, float]], settings: Settings) -> dict[str, np.ndarray]:
+def _solve_chunk(number: int, design: Design, cells: list[tuple[float, float]],
+                 settings: Settings) -> tuple[int, dict[str, np.ndarray]]:
     """Solve (bearing number, rotor mass) cells one after the other; runs in a worker."""
     began = time.perf_counter()
     rows = []
@@ -134,34 +151,48 @@ def _solve_chunk(design: Design, cells: list[tuple[float, float]], settings: Set
             regime.period if regime else 0, point.contact_share, point.max_eccentricity, point.trajectory.status))
     columns = zip(*rows, strict=True)
     result = {name: np.array(column, dtype) for (name, dtype), column in zip(_FIELDS.items(), columns, strict=True)}
-    return result | {"seconds": np.array(time.perf_counter() - began), "steps": np.array(steps)}
+    return number, result | {"seconds": np.array(time.perf_counter() - began), "steps": np.array(steps)}
 
 
 def _plan(design, bearing_number, rotor_mass, settings):
     """What a run computes, as a dictionary that must be the same to resume it."""
-    from spab_core import __version__
     return {
-        "spab": __version__, "design": design.to_dict(), "settings": settings.to_dict(), "chunk_cells": CHUNK_CELLS,
+        "sources": source_hash(), "design": design.to_dict(), "settings": settings.to_dict(), "chunk_cells": CHUNK_CELLS,
         "bearing_number": hashlib.sha256(bearing_number.tobytes()).hexdigest(),
         "rotor_mass": hashlib.sha256(rotor_mass.tobytes()).hexdigest(),
     }
 
 
-def _open_run(folder: Path, plan: dict) -> None:
-    """Start a run in ``folder`` or resume the one that is there. Raises :class:`MapError` where it is another run."""
+def open_run(folder: Path, design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray, settings: Settings) -> str:
+    """Start a run in ``folder`` or go on with the one that is there.
+
+    Returns
+    -------
+    str
+        Hash of what the run computes; every chunk carries it.
+
+    Raises
+    ------
+    MapError
+        Where the folder holds another run.
+    """
+    plan = _plan(design, bearing_number, rotor_mass, settings)
     path = folder / "plan.json"
+    text = json.dumps(plan, indent=1)
     if path.exists():
         try:
             old = json.loads(path.read_text("utf-8"))
-        except ValueError:
-            old = {}
+        except (OSError, ValueError, RecursionError):
+            old = None
+        old = old if isinstance(old, dict) else {}
         different = sorted(k for k in plan.keys() | old.keys() if plan.get(k) != old.get(k))
         if different:
             raise MapError(f"{folder} holds the parts of another run (different: {', '.join(different)}); finish that run "
                            "with its own settings, or delete the folder")
-        return
-    folder.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, json.dumps(plan, indent=1).encode())
+    else:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, text.encode())
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _npz_bytes(arrays: dict) -> bytes:
@@ -203,34 +234,32 @@ def compute_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarr
     count = check_plane(bearing_number, rotor_mass)
     cells = [(float(b), float(m)) for b in bearing_number for m in rotor_mass]
     chunks = [cells[k:k + CHUNK_CELLS] for k in range(0, count, CHUNK_CELLS)]
-    if parts:
-        _open_run(parts, _plan(design, bearing_number, rotor_mass, settings))
+    run_hash = open_run(parts, design, bearing_number, rotor_mass, settings) if parts else ""
 
     results: dict[int, dict] = {}
     for k in range(len(chunks)):
         path = parts / f"chunk-{k:06d}.npz" if parts else None
         if path and path.exists():
-            results[k] = _read_chunk(path, len(chunks[k]))
+            results[k] = _read_chunk(path, len(chunks[k]), run_hash)
     if progress:
         progress(sum(len(chunks[k]) for k in results))
 
-    def numbered(k):
-        return k, _solve_chunk(design, chunks[k], settings)
-
     missing = [k for k in range(len(chunks)) if k not in results]
+    if missing and workers > 1 and not is_compiled():
+        solve_point(design, cells[0][1], cells[0][0], settings)  # compile once, not once in every worker
     began = time.perf_counter()
     run = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", pre_dispatch=2 * workers)
-    for k, result in run(joblib.delayed(numbered)(k) for k in missing):
+    for k, result in run(joblib.delayed(_solve_chunk)(k, design, chunks[k], settings) for k in missing):
         results[k] = result
         if parts:
-            write_atomically(parts / f"chunk-{k:06d}.npz", _npz_bytes(result))
+            write_atomically(parts / f"chunk-{k:06d}.npz", _npz_bytes(result | {"run": np.array(run_hash)}))
         if progress:
             progress(len(chunks[k]))
 
     shape = (len(bearing_number), len(rotor_mass))
     arrays = {name: np.concatenate([results[k][name] for k in range(len(chunks))]).reshape(shape) for name in _FIELDS}
     metadata = _metadata(design, settings, shape) | {
-        "wall_seconds": time.perf_counter() - began,
+        "wall_seconds": time.perf_counter() - began,  # of the last session, if the run was resumed
         "worker_seconds": float(sum(float(r["seconds"]) for r in results.values())),
         "steps": int(sum(int(r["steps"]) for r in results.values())),
         "workers": workers,
@@ -238,14 +267,14 @@ def compute_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarr
     return StabilityMap(bearing_number, rotor_mass, **arrays, metadata=metadata)
 
 
-def _read_chunk(path: Path, cells: int) -> dict:
+def _read_chunk(path: Path, cells: int, run_hash: str) -> dict:
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-            result = {name: data[name] for name in (*_FIELDS, "seconds", "steps")}
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+            result = {name: data[name] for name in (*_FIELDS, "seconds", "steps", "run")}
+    except _UNREADABLE as error:
         raise MapError(f"{path} is damaged ({error}); delete it to compute that chunk again") from None
-    if any(len(result[name]) != cells for name in _FIELDS):
-        raise MapError(f"{path} holds another number of cells; delete it to compute that chunk again")
+    if str(result.pop("run")) != run_hash or any(result[name].shape != (cells,) for name in _FIELDS):
+        raise MapError(f"{path} belongs to another run; delete it to compute that chunk again")
     return result
 
 
@@ -253,13 +282,13 @@ def _metadata(design: Design, settings: Settings, shape: tuple[int, int]) -> dic
     import numba
     import scipy
 
-    from spab_core import __version__
+    from spab_core._version import __version__
     return {
         "design": design.to_dict(), **settings.to_dict(), "dimensions": ["bearing_number", "rotor_mass"],
         "shape": list(shape), "mle_unit": "per revolution, natural logarithm", "rotor_mass_unit": "kg on one bearing",
         "versions": {"spab": __version__, "python": platform.python_version(), "numpy": np.__version__,
                      "numba": numba.__version__, "scipy": scipy.__version__},
-        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "sources": source_hash(), "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
 
 
@@ -272,6 +301,8 @@ def save_map(result: StabilityMap, path: str | Path) -> None:
 
 def remove_parts(parts: Path) -> None:
     """Delete the chunks of a finished run."""
+    for chunk in sorted(parts.glob("chunk-*.npz")):  # before the plan that they belong to
+        chunk.unlink(missing_ok=True)
     shutil.rmtree(parts, ignore_errors=True)
 
 
@@ -300,13 +331,17 @@ def load_map(path: str | Path) -> StabilityMap:
             metadata = json.loads(str(data["metadata"]))
     except MapError:
         raise
-    except (OSError, ValueError, zipfile.BadZipFile, EOFError, RecursionError) as error:
+    except _UNREADABLE as error:
         raise MapError(f"cannot read the map {str(path)!r}: {error}") from None
     known = (np.isin(arrays["regime"], [*REGIMES, ""]).all() and np.isin(arrays["status"], STATUS).all()
              and arrays["period"].min(initial=0) >= 0 and arrays["period"].max(initial=0) <= MAX_PERIOD)
     if not known or not np.all(np.isfinite(arrays["mle"]) == (arrays["status"] == "ok")):
         raise MapError(f"{path} is not a map: regime, status and exponent do not fit together")
-    if not isinstance(metadata, dict) or "design" not in metadata:
-        raise MapError(f"{path} is not a map: its metadata lack the design")
+    share = arrays["contact_share"]
+    if np.any(share < 0.0) or np.any(share > 1.0 + 1e-9):
+        raise MapError(f"{path} is not a map: contact_share must lie between 0 and 1")
+    for key in ("design", "mesh", "transient", "revolutions"):
+        if not isinstance(metadata, dict) or key not in metadata:
+            raise MapError(f"{path} is not a map: its metadata lack {key}")
     Design.from_dict(metadata["design"])
     return StabilityMap(b, m, **arrays, metadata=metadata)

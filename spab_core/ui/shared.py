@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import plotly.graph_objects as go
 import streamlit as st
 
 from spab_core.artifacts import ARTIFACTS, REFERENCE_MAP, load_reference_map
 from spab_core.design import Design
+from spab_core.figures import map_figure, mark_point
 from spab_core.integrate import is_compiled
 from spab_core.point import OperatingPoint, solve_point
 from spab_core.simulate import Settings
@@ -20,13 +22,26 @@ def _map(stamp: float) -> StabilityMap:
     return load_reference_map()
 
 
+def _stamp() -> float:
+    try:
+        return (ARTIFACTS / REFERENCE_MAP).stat().st_mtime
+    except OSError:
+        return 0.0  # the loader says what is missing
+
+
 def reference_map() -> StabilityMap:
     """The shipped map, read and checked once for each version of the file. Raises ``InputError``."""
-    try:
-        stamp = (ARTIFACTS / REFERENCE_MAP).stat().st_mtime
-    except OSError:
-        stamp = 0.0  # the loader says what is missing
-    return _map(stamp)
+    return _map(_stamp())
+
+
+@st.cache_resource(max_entries=8, show_spinner=False)
+def _map_figure(stamp: float, layer: str) -> go.Figure:
+    return map_figure(_map(stamp), layer)
+
+
+def marked_map_figure(layer: str, chosen: tuple[float, float]) -> go.Figure:
+    """The map's figure with the chosen (bearing number, rotor mass) marked; only the mark is built anew."""
+    return mark_point(go.Figure(_map_figure(_stamp(), layer)), *chosen)
 
 
 @st.cache_resource(max_entries=64, show_spinner=False)

@@ -1,5 +1,6 @@
 """The home page without a browser: every layer, a click, typed values at their ends, failures in words."""
 
+import contextlib
 import json
 
 import pytest
@@ -10,6 +11,8 @@ from streamlit.util import AttributeDictionary
 from spab_core import artifacts
 from spab_core.artifacts import load_reference_map
 from spab_core.figures import LAYERS
+from spab_core.stability_map import StabilityMap
+from spab_core.ui import shared
 from tests.conftest import ROOT
 
 APP = str(ROOT / "app.py")
@@ -72,11 +75,34 @@ def test_typed_values_are_solved_at_their_ends(app):
 
 
 def test_an_operating_point_without_exponent_is_said_in_words(app):
-    """A rotor of a tonne at the lowest speed: whatever happens is a sentence, no traceback."""
+    """Three tonnes would overcome the asperities; within the allowed tonne, 25 kg without asperities touches down."""
     app.number_input(key="rotor_mass").set_value(1000.0)
     app.number_input(key="bearing_number").set_value(0.01).run()
     assert not app.exception
     assert len(verdict(app)) == 1
+
+
+def test_touchdown_is_said_in_words(monkeypatch):
+    st.cache_resource.clear()
+    m = load_reference_map()
+    design = m.design.replace(contact__force_at_closure=0.0)
+    monkeypatch.setattr(StabilityMap, "design", design)
+    at = AppTest.from_file(APP, default_timeout=240)
+    at.session_state["rotor_mass"], at.session_state["bearing_number"] = 25.0, 0.5
+    at.run()
+    assert not at.exception
+    assert ["No exponent: the journal touched the wall."] == verdict(at)
+    assert not at.metric
+    st.cache_resource.clear()
+
+
+def test_a_first_run_says_that_it_compiles(monkeypatch):
+    st.cache_resource.clear()
+    said = []
+    monkeypatch.setattr(shared, "is_compiled", lambda: False)
+    monkeypatch.setattr(shared.st, "spinner", lambda text: said.append(text) or contextlib.nullcontext())
+    assert not AppTest.from_file(APP, default_timeout=240).run().exception
+    assert said == ["First run on this machine: compiling the solver. This takes about a minute, once."]
 
 
 def test_a_damaged_map_is_said_in_words(monkeypatch, tmp_path):

@@ -1,7 +1,6 @@
 """A designer's first minute in real Chromium: the map is there, a click on a cell solves that cell live."""
 
 import importlib.util
-import re
 import time
 from pathlib import Path
 
@@ -25,7 +24,6 @@ def _pictures():
 def test_click_a_cell(chromium):
     tools = _pictures()
     m = load_reference_map()
-    row, column = m.nearest(18.0, 4.5)
     messages, requests = [], []
     with tools.dashboard() as address, tools.browser_page() as page:
         page.on("console", lambda entry: messages.append(entry.text) if entry.type == "error" else None)
@@ -33,24 +31,31 @@ def test_click_a_cell(chromium):
         page.on("request", lambda request: requests.append(request.url))
         page.goto(address)
         tools.settled(page)
-        position = page.evaluate("""([x, y]) => {
-            const plot = document.querySelector('.js-plotly-plot'), layout = plot._fullLayout;
-            const box = plot.querySelector('.plot-container .nsewdrag').getBoundingClientRect();
-            return [box.left + layout.xaxis.d2p(x), box.top + layout.yaxis.d2p(y)];
-        }""", [float(m.bearing_number[row]), float(m.rotor_mass[column])])
-        page.mouse.move(*position)
-        page.wait_for_timeout(300)
-        began = time.monotonic()
-        page.mouse.click(*position)
-        heading = f"Λ {m.bearing_number[row]:.3f}"
-        page.get_by_role("heading", name=re.compile(re.escape(heading))).wait_for(timeout=30_000)
+        seconds = [click_cell(page, m, *m.nearest(mass, number)) for mass, number in ((7.0, 6.0), (18.0, 4.5))]
         tools.settled(page)
-        answered = time.monotonic() - began
         Path(OUTPUT).mkdir(exist_ok=True)
         page.screenshot(path=OUTPUT / "clicked.png")
         text = page.inner_text("body")
-    assert f"{m.rotor_mass[column]:.2f} kg" in text
+    row, column = m.nearest(18.0, 4.5)
+    assert f"Λ {m.bearing_number[row]:.3f}" in text and f"{m.rotor_mass[column]:.2f} kg" in text
     assert "Chaotic" in text
     assert not messages, messages
     assert all(url.startswith((address, address.replace("http", "ws"), "data:", "blob:")) for url in requests), requests
-    print(f"click to settled page: {answered:.2f} s")
+    print(f"click to verdict: {seconds[0]:.2f} s, {seconds[1]:.2f} s")
+
+
+def click_cell(page, m, row, column):
+    """Click the cell and wait until its own answer is there; returns the seconds between."""
+    number, mass = float(m.bearing_number[row]), float(m.rotor_mass[column])
+    position = page.evaluate("""([x, y]) => {
+        const plot = document.querySelector('.js-plotly-plot'), layout = plot._fullLayout;
+        const box = plot.querySelector('.plot-container .nsewdrag').getBoundingClientRect();
+        return [box.left + layout.xaxis.d2p(x), box.top + layout.yaxis.d2p(y)];
+    }""", [number, mass])
+    page.mouse.move(*position)
+    page.wait_for_timeout(300)
+    began = time.monotonic()
+    page.mouse.click(*position)
+    # the caption comes last and names the nearest cell, which is the one clicked
+    page.get_by_text(f"(Λ {number:.3f}, {mass:.2f} kg)").wait_for(timeout=60_000)
+    return time.monotonic() - began

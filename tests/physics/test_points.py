@@ -1,4 +1,4 @@
-"""Whole operating points of the reference design against an independent code (docs/model.md section 7).
+"""Whole operating points of the reference design against an independent code (docs/model.md).
 
 That code used finite volumes with central differences on 6x24, 8x32 and 12x48 half bands, explicit steps and two
 trajectories for the exponent. Our ``plain`` scheme has the same differences and must land in its bands. Two of its ten

@@ -1,13 +1,14 @@
-"""Half-speed whirl: onset exactly at M = 4 K_0 for a rigid, balanced, unloaded, fed rotor (docs/model.md section 6)."""
+"""Half-speed whirl: onset exactly at M = 4 K_0 for a rigid, balanced, unloaded, fed rotor (docs/model.md)."""
 
 import math
 
 import numpy as np
 import pytest
 
-from spab_core.film import Mesh
+from spab_core.film import Mesh, build_film, film_array, film_force
 from spab_core.lyapunov import exponent
-from spab_core.stability import concentric_stiffness, linear_spectrum, whirl_thresholds
+from spab_core.rotor import build_rotor, contact_force
+from spab_core.stability import concentric_stiffness, linear_spectrum, static_equilibrium, whirl_thresholds
 from tests.conftest import Run, fed_design
 
 MESH = Mesh(6, 24)
@@ -33,6 +34,23 @@ def test_eigenvalue_threshold(rotor, critical_mass):
     assert found[0].critical_mass == pytest.approx(critical_mass, rel=0.005)
     assert found[0].whirl_ratio == pytest.approx(0.5, abs=0.005)
     assert found[0].stable_side == "below"
+
+
+def test_static_equilibrium_carries_the_load(design):
+    """Film, contact and weight balance; the journal sinks and is carried along with the rotation (attitude angle > 0)."""
+    mass, bearing_number = 10.0, 2.0
+    rest = static_equilibrium(design, mass, bearing_number, MESH)
+    film = build_film(design, bearing_number, MESH)
+    x, y = rest.state[-8:-6]
+    fx, fy = film_force(film, film_array(film, rest.state), x, y)
+    cx, cy = contact_force(build_rotor(design, mass, bearing_number), x, y, 0.0, 0.0)
+    assert fx + cx == pytest.approx(0.0, abs=1e-9)
+    assert fy + cy == pytest.approx(design.load_number(mass), abs=1e-9)
+    assert 0.0 < rest.attitude_angle < 90.0 and rest.eccentricity == pytest.approx(math.hypot(x, y))
+    # the disc hangs below the journal by the shaft's deflection, (1 - mu_j) W / K
+    assert rest.state[-7] - rest.state[-5] == pytest.approx(0.8 * design.load_number(mass) / design.shaft_stiffness_number)
+    lighter = static_equilibrium(design, 1.0, bearing_number, MESH)
+    assert lighter.eccentricity < rest.eccentricity and lighter.attitude_angle > rest.attitude_angle
 
 
 def _whirl(design, mass):

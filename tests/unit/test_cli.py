@@ -13,6 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from spab_core import stability_map
 from spab_core.cli import main
 from spab_core.design import design_toml, reference_design
 from spab_core.stability_map import load_map
@@ -67,11 +68,17 @@ def test_stiffness_and_threshold_keys(capsys, tmp_path):
     assert found["critical_mass_kg"] is None and found["whirl_ratio"] is None  # unfed, unloaded: unstable at any mass
 
 
+def test_threshold_says_which_side_is_stable(capsys):
+    found = answer(capsys, "whirl-threshold", "--bearing-number", "1", "--mesh", "4x16")
+    assert found["stable_side"] == found["thresholds"][0]["stable_side"] == "above"
+
+
 def _map(out, *more):
     return ["map", "--bearing-number", "2:4:3", "--rotor-mass", "3:9:2", "--out", str(out), *SHORT, *more]
 
 
-def test_map_file_and_worker_count(capsys, tmp_path):
+def test_map_file_and_worker_count(capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr(stability_map, "CHUNK_CELLS", 2)  # three chunks for two workers
     assert answer(capsys, *_map(tmp_path / "a.npz"))["cells"] == 6
     answer(capsys, *_map(tmp_path / "b.npz", "--workers", "2"))
     with np.load(tmp_path / "a.npz", allow_pickle=False) as data:
@@ -104,17 +111,24 @@ def test_a_killed_map_goes_on_from_its_chunks(tmp_path):
         time.sleep(0.05)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    kept = {p.name: p.stat().st_mtime_ns for p in parts.glob("chunk-*.npz")}
-    assert len(kept) >= 2 and not (tmp_path / "k.npz").exists()
+    assert not (tmp_path / "k.npz").exists()
+    # mark a finished chunk: its mark must be in the result, or it was computed again
+    first = parts / "chunk-000000.npz"
+    with np.load(first) as data:
+        chunk = dict(data)
+    chunk["max_eccentricity"][0] = 0.123456789
+    np.savez(first, **chunk)
     # another setting refuses to go on
     other = subprocess.run([*command, "--tolerance", "1e-3"], capture_output=True, text=True)
-    assert other.returncode == 2 and "settings" in other.stderr
+    assert other.returncode == 2 and "settings" in other.stderr and other.stderr.count("\n") == 1
     subprocess.run(command, check=True, capture_output=True)
     whole = [*command]
     whole[whole.index("--out") + 1] = str(tmp_path / "w.npz")
     subprocess.run(whole, check=True, capture_output=True)
     a, b = load_map(tmp_path / "k.npz"), load_map(tmp_path / "w.npz")
+    assert a.max_eccentricity[0, 0] == 0.123456789
     assert np.array_equal(a.mle, b.mle, equal_nan=True) and np.array_equal(a.regime, b.regime)
+    assert np.array_equal(a.max_eccentricity.ravel()[1:], b.max_eccentricity.ravel()[1:])
 
 
 @pytest.mark.parametrize("argv, words", [
@@ -130,6 +144,10 @@ def test_a_killed_map_goes_on_from_its_chunks(tmp_path):
     (["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--revolutions", "2.5"], ["--revolutions", "2.5"]),
     (["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--design", "/nowhere.toml"], ["/nowhere.toml"]),
     (["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--orbit", "/no/folder/x.csv"], ["--orbit", "/no/folder"]),
+    (["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--orbit", "/dev/null"], ["--orbit", "/dev/null"]),
+    (["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--design", ""], ["design file"]),
+    (["stiffness", "--bearing-number", "1", "--mesh", "64x256"], ["64x256", "2500"]),
+    (["simulate", "a\nb"], ["required"]),
     (["stiffness", "--bearing-number", "0"], ["bearing number", "0.01 to 50"]),
     (["map", "--bearing-number", "1:2", "--rotor-mass", "1:2:2", "--out", "x.npz"], ["--bearing-number", "start:stop:count"]),
     (["map", "--bearing-number", "2:1:3", "--rotor-mass", "1:2:2", "--out", "x.npz"], ["--bearing-number", "before"]),

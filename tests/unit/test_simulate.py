@@ -8,6 +8,7 @@ import pytest
 from spab_core import Settings, solve_point
 from spab_core.design import DesignError
 from spab_core.film import Mesh
+from spab_core.integrate import STATUS
 from spab_core.simulate import path_angle
 
 SHORT = Settings(mesh=Mesh(6, 24), transient=20, revolutions=40)
@@ -22,6 +23,24 @@ def test_touchdown_is_a_status(design):
     assert "touched the wall" in point.verdict()
     assert point.record()["regime"] is None and point.record()["mle_per_revolution"] is None
     assert point.trajectory.completed < 60
+
+
+def test_film_without_gas_is_a_status(design):
+    """25 kg, Lambda 8.5 on 32 azimuths: behind the contact a cell loses all gas, and the step shrinks to nothing."""
+    point = solve_point(design, 25.0, 8.5, Settings(mesh=Mesh(8, 32), transient=40, revolutions=20))
+    assert point.trajectory.status == "step-too-small"
+    assert point.mle is None and "finer mesh" in point.verdict()
+
+
+def test_too_many_steps_is_a_status(make_run):
+    run = make_run(4.0, 3.0)
+    assert STATUS[run.go(2, 1e-9, max_steps=20)[0]] == "too-many-steps"
+
+
+def test_steps_are_as_many_as_measured(design):
+    """A wrong Jacobian still gives right answers, by far more steps: hold their number."""
+    steps = [solve_point(design, m, b, SHORT).trajectory.steps / 60 for m, b in ((7.0, 6.0), (18.0, 4.5), (10.0, 0.25))]
+    assert max(steps) < 80.0 and min(steps) < 20.0, steps
 
 
 def test_paths_pass_through_the_section(design):

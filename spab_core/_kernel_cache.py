@@ -1,0 +1,52 @@
+"""Where numba keeps compiled kernels: one folder for each state of the sources.
+
+Numba's own test for a stale kernel looks at the file of that kernel alone; a change in a kernel that it calls, in another
+file, would go unseen and old machine code would run on new data.
+"""
+
+import contextlib
+import hashlib
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+import numba
+
+_PREFIX = "spab-kernels-"
+
+
+def source_hash() -> str:
+    """Short hash of all sources of this package and the version of numba: what computed results depend on."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _usable(folder: Path) -> bool:
+    """Whether the folder exists or can be made, belongs to this user alone, and can be written."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        mine = not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
+        return mine and os.access(folder, os.W_OK)
+    except OSError:
+        return False
+
+
+def choose() -> None:
+    """Point numba to the first usable place: NUMBA_CACHE_DIR, beside the sources, the home, a private temporary folder."""
+    name = _PREFIX + source_hash()
+    bases = [Path(__file__).parent / "__pycache__"]
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        bases.insert(0, Path(os.environ["NUMBA_CACHE_DIR"]))
+    with contextlib.suppress(RuntimeError):  # no home at all
+        bases.append(Path.home() / ".cache")
+    for base in bases:
+        if _usable(base / name):
+            for old in base.glob(_PREFIX + "*"):  # kernels of earlier sources
+                if old.name != name:
+                    shutil.rmtree(old, ignore_errors=True)
+            numba.config.CACHE_DIR = str(base / name)
+            return
+    numba.config.CACHE_DIR = tempfile.mkdtemp(prefix=_PREFIX)
