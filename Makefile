@@ -1,7 +1,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test lint lock manifest pictures clean
+.PHONY: run test lint lock map manifest pictures clean
 
 run: .venv/.ready
 	$(BIN)/streamlit run app.py
@@ -18,6 +18,11 @@ lock: .venv/.ready
 	$(BIN)/pip install --quiet uv
 	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --extra test --no-emit-index-url --no-header \
 	  --output-file requirements.lock --upgrade pyproject.toml
+
+# the shipped map: half an hour on one core, a quarter on two
+map: .venv/.ready
+	$(BIN)/spab map --bearing-number 0.25:8.5:34 --rotor-mass 0.5:25:50 --out artifacts/reference_map.npz --workers 2
+	$(BIN)/python -m spab_core.artifacts
 
 # checksums of everything in artifacts/
 manifest: .venv/.ready

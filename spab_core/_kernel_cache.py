@@ -14,14 +14,19 @@ from pathlib import Path
 import numba
 
 _PREFIX = "spab-kernels-"
+_SOLVER = ("design", "dtm", "film", "integrate", "kernels", "linear", "lyapunov", "point", "regimes", "rotor", "simd", "simulate")
 
 
-def source_hash() -> str:
-    """Short hash of all sources of this package and the version of numba: what computed results depend on."""
+def _hash(paths) -> str:
     digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
+    for path in sorted(paths):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:16]
+
+
+def solver_hash() -> str:
+    """Short hash of the sources, and the version of numba, that a computed operating point depends on."""
+    return _hash(Path(__file__).parent / f"{name}.py" for name in _SOLVER)
 
 
 def _usable(folder: Path) -> bool:
@@ -36,7 +41,7 @@ def _usable(folder: Path) -> bool:
 
 def choose() -> None:
     """Point numba to the first usable place: NUMBA_CACHE_DIR, beside the sources, the home, a private temporary folder."""
-    name = _PREFIX + source_hash()
+    name = _PREFIX + _hash(Path(__file__).parent.glob("*.py"))
     bases = [Path(__file__).parent / "__pycache__"]
     if os.environ.get("NUMBA_CACHE_DIR"):
         bases.insert(0, Path(os.environ["NUMBA_CACHE_DIR"]))

@@ -71,8 +71,8 @@ def _apply(a, oa, x, ox, v, m):
     return even + odd
 
 
-@njit(cache=True, nogil=True)
-def film_jacobian_times(film, work, x, y, dx, dy, out, o):
+@njit(cache=True, nogil=True, forceinline=True)
+def _film_per_displacement(film, work, x, y, dx, dy, out, o):
     """out[o:] = J_SX (dx, dy): the film's slope per journal displacement at the point of linearisation."""
     mp, columns = film.padded, film.columns
     stride = mp + WIDTH
@@ -108,7 +108,7 @@ def film_jacobian_times(film, work, x, y, dx, dy, out, o):
             west = east
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def _assemble(film, work, x, y, step):
     """Blocks of I - step J_SS: diagonal blocks in ``inverse``, couplings west and east in ``lower`` and ``upper``."""
     mp, columns = film.padded, film.columns
@@ -212,7 +212,7 @@ def _factorise_blocks(film, work, m):
             _eliminate(film, work, column, target, towards, back, m)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def _factorise(film, work):
     # the constant lets the compiler unroll the blocks of eight latitudes or fewer
     if film.padded == WIDTH:
@@ -271,7 +271,7 @@ def _solve_blocks(film, work, r, o, m):
             vstore(r, here + v, vload(t, v))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def _solve_film(film, work, r, o):
     if film.padded == WIDTH:
         _solve_blocks(film, work, r, o, WIDTH)
@@ -279,7 +279,7 @@ def _solve_film(film, work, r, o):
         _solve_blocks(film, work, r, o, film.padded)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def _force_of(film, work, r, o):
     """Force of the film per change of gas content: F_S . r[o:]."""
     mp = film.padded
@@ -317,12 +317,11 @@ def linearise(system, step, u, work):
         fxx, fxy, fyx, fyy = fxx - total * c * c, fxy - total * c * s, fyx - total * s * c, fyy - total * s * s
     _assemble(film, work, x, y, step)
     _factorise(film, work)
-    film_jacobian_times(film, work, x, y, 1.0, 0.0, work.border, 0)
-    film_jacobian_times(film, work, x, y, 0.0, 1.0, work.border, n)
-    _solve_film(film, work, work.border, 0)
-    _solve_film(film, work, work.border, n)
-    gxx, gyx = _force_of(film, work, work.border, 0)
-    gxy, gyy = _force_of(film, work, work.border, n)
+    for k in range(2):
+        _film_per_displacement(film, work, x, y, 1.0 - k, 1.0 * k, work.border, k * n)
+        _solve_film(film, work, work.border, k * n)
+        work.small[10 + 2 * k], work.small[11 + 2 * k] = _force_of(film, work, work.border, k * n)
+    gxx, gyx, gxy, gyy = work.small[10], work.small[11], work.small[12], work.small[13]
     vx, vy = u[n + 4], u[n + 5]
     c0 = contact(rotor, x, y, vx, vy, (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0))
     c1 = contact(rotor, x, y, vx, vy, (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))

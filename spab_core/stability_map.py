@@ -22,7 +22,7 @@ from pathlib import Path
 import joblib
 import numpy as np
 
-from spab_core._kernel_cache import source_hash
+from spab_core._kernel_cache import solver_hash
 from spab_core.design import Design, InputError, write_atomically
 from spab_core.integrate import STATUS, is_compiled
 from spab_core.point import solve_point
@@ -157,7 +157,7 @@ def _solve_chunk(number: int, design: Design, cells: list[tuple[float, float]],
 def _plan(design, bearing_number, rotor_mass, settings):
     """What a run computes, as a dictionary that must be the same to resume it."""
     return {
-        "sources": source_hash(), "design": design.to_dict(), "settings": settings.to_dict(), "chunk_cells": CHUNK_CELLS,
+        "solver": solver_hash(), "design": design.to_dict(), "settings": settings.to_dict(), "chunk_cells": CHUNK_CELLS,
         "bearing_number": hashlib.sha256(bearing_number.tobytes()).hexdigest(),
         "rotor_mass": hashlib.sha256(rotor_mass.tobytes()).hexdigest(),
     }
@@ -288,7 +288,7 @@ def _metadata(design: Design, settings: Settings, shape: tuple[int, int]) -> dic
         "shape": list(shape), "mle_unit": "per revolution, natural logarithm", "rotor_mass_unit": "kg on one bearing",
         "versions": {"spab": __version__, "python": platform.python_version(), "numpy": np.__version__,
                      "numba": numba.__version__, "scipy": scipy.__version__},
-        "sources": source_hash(), "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "solver": solver_hash(), "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
 
 
