@@ -14,7 +14,8 @@ from pathlib import Path
 import numba
 
 _PREFIX = "spab-kernels-"
-_SOLVER = ("design", "dtm", "film", "integrate", "kernels", "linear", "lyapunov", "point", "regimes", "rotor", "simd", "simulate")
+_SOLVER = ("design", "dtm", "film", "integrate", "kernels", "linear", "lyapunov", "point", "regimes", "rotor", "simd",
+           "simulate")
 
 
 def _hash(paths) -> str:
