@@ -1,9 +1,10 @@
-"""Which mesh? Regime and exponent of operating points of the reference design on finer and finer meshes.
+"""Which mesh, which differences? Regime and exponent of operating points of the reference design on finer and finer meshes.
 
     python benchmarks/mesh.py [--points 12] [--finest 12x48]
 
 Points: those of docs/model.md and random ones of the plane (fixed seed). For each mesh it tells how many regimes agree with
-the finest mesh, and the median and largest difference of the exponent over points that are periodic on both.
+the finest mesh, and the median and largest difference of the exponent over points that are periodic on both. Then, at the
+two points near a half-speed lock, the plain and the fitted scheme with more and more azimuths.
 """
 
 import argparse
@@ -45,6 +46,12 @@ def main():
             if not agrees:
                 texts = [p.regime.text if p.regime else p.trajectory.status for p in (a, b)]
                 print(f"         {point[0]:.2f} kg, L {point[1]:.2f}: {texts[0]} for {texts[1]}")
+    print("\nschemes, 8 latitudes, 300 + 200 revolutions")
+    for point in FIXED[0], FIXED[5]:
+        for scheme, azimuths in (("plain", (32, 64, 96, 128, 192)), ("fitted", (32, 40, 64, 96))):
+            for n in azimuths:
+                a = solve_point(design, *point, Settings(mesh=f"8x{n}", scheme=scheme, revolutions=200))
+                print(f"  {point[0]} kg, L {point[1]}: {scheme:6s} N = {n:3d}  {a.regime.text:14s} {a.mle.value:+.4f}")
 
 
 if __name__ == "__main__":
