@@ -19,13 +19,30 @@ except InputError as error:
 state = st.session_state
 state.setdefault("rotor_mass", 4.52)
 state.setdefault("bearing_number", 3.45)
+state.setdefault("mark", (state["bearing_number"], state["rotor_mass"]))
+
+
+def _typed():
+    """Mark the typed point with a cross."""
+    state["mark"] = (state["bearing_number"], state["rotor_mass"])
+
+
+def _layer_changed():
+    """Another layer is another figure: it must show the cell clicked last, which the browser alone knew."""
+    if isinstance(state["mark"], int):
+        row, column = m.nearest(state["rotor_mass"], state["bearing_number"])
+        state["mark"] = row * len(m.rotor_mass) + column
 
 
 def _clicked():
     """Take the cell that was clicked; the overlay's points are the cells in the order of the map."""
     points = state["map"]["selection"]["points"]
     if points:
-        row, column = divmod(int(points[0]["point_index"]), len(m.rotor_mass))
+        index = int(points[0]["point_index"])
+        row, column = divmod(index, len(m.rotor_mass))
+        # the browser marks a clicked cell: from the second click on the figure stays as it is, is not sent again
+        if not isinstance(state["mark"], int):
+            state["mark"] = index
         state["bearing_number"] = round(float(m.bearing_number[row]), 6)
         state["rotor_mass"] = round(float(m.rotor_mass[column]), 6)
 
@@ -35,13 +52,12 @@ left, right = st.columns([1.15, 1], gap="medium")
 with left:
     st.markdown("#### Stability map of the reference bearing")
     a, b, c = st.columns([1.6, 1, 1], vertical_alignment="bottom")
-    layer = a.segmented_control("Layer", LAYERS, default=LAYERS[0], key="layer") or LAYERS[0]
+    layer = a.segmented_control("Layer", LAYERS, default=LAYERS[0], key="layer", on_change=_layer_changed) or LAYERS[0]
     b.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, key="bearing_number", step=0.05, format="%.3f",
-                   help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
-    c.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%.3f",
+                   on_change=_typed, help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
+    c.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%.3f", on_change=_typed,
                    help="Whole rotor mass that one bearing carries")
-    chosen = (state["bearing_number"], state["rotor_mass"])
-    st.plotly_chart(marked_map_figure(layer, chosen), key="map", on_select=_clicked, selection_mode="points", width="stretch",
+    st.plotly_chart(marked_map_figure(layer, state["mark"]), key="map", on_select=_clicked, selection_mode="points", width="stretch",
                     config={"displaylogo": False, "scrollZoom": True})
     st.caption(f"{m.shape[0]} × {m.shape[1]} cold starts, {m.metadata['transient']} + {m.metadata['revolutions']} revolutions "
                f"each on {m.metadata['mesh']} film cells. Click a cell, or type Λ and mass, to solve that point now.")
@@ -70,7 +86,7 @@ with right:
     one, two = st.columns(2)
     one.plotly_chart(orbit_figure(point), key="orbit", width="stretch")
     two.plotly_chart(section_figure(point), key="section", width="stretch")
-    st.plotly_chart(exponent_figure(point).update_layout(height=230), key="exponent", width="stretch")
+    st.plotly_chart(exponent_figure(point).update_layout(height=205), key="exponent", width="stretch")
     t, cell = point.trajectory, m.nearest(mass, number)
     st.caption(f"Solved live: {t.completed} revolutions from rest, {t.steps:,} steps in {t.wall_seconds:.2f} s on "
                f"{point.settings.mesh} film cells. Nearest cell of the map (Λ {m.bearing_number[cell[0]]:.3f}, "

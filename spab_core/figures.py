@@ -67,7 +67,7 @@ def map_figure(m: StabilityMap, layer: str = "MLE") -> go.Figure:
     figure.add_scattergl(
         x=b.ravel().astype(np.float32), y=kg.ravel().astype(np.float32), mode="markers", name="cells", showlegend=False,
         marker={"size": 9, "opacity": 0}, text=_hover(m), hovertemplate="%{text}<extra></extra>",
-        selected={"marker": {"opacity": 0}}, unselected={"marker": {"opacity": 0}})
+        selected={"marker": {"opacity": 1, "size": 13, "color": "#000000"}}, unselected={"marker": {"opacity": 0}})
     figure.update_layout(
         xaxis={"title": BEARING_NUMBER_LABEL, "showgrid": False, "constrain": "domain"},
         yaxis={"title": MASS_LABEL, "showgrid": False}, uirevision="map", clickmode="event+select", dragmode="zoom",
@@ -80,8 +80,12 @@ def mark_point(figure: go.Figure, bearing_number: float, rotor_mass: float) -> g
     """Add a cross at an operating point (rotor mass in kg) to a map's figure; returns the figure."""
     cross = {"symbol": "x", "size": 13, "color": "#000000", "line": {"color": "#ffffff", "width": 1.5}}
     return figure.add_scatter(x=[bearing_number], y=[rotor_mass], mode="markers", name="chosen point", showlegend=False,
-                              hoverinfo="skip", marker=cross, selected={"marker": {"opacity": 1}},
-                              unselected={"marker": {"opacity": 1}})
+                              hoverinfo="skip", marker=cross)
+
+
+def mark_cell(figure: go.Figure, index: int) -> go.Figure:
+    """Show a cell of a map's figure as the selected one; returns the figure."""
+    return figure.update_traces(selectedpoints=[index], selector={"name": "cells"})
 
 
 def _square(figure, title):
@@ -97,7 +101,7 @@ def _square(figure, title):
 
 def orbit_figure(point: OperatingPoint) -> go.Figure:
     """Journal and disc orbits of the last recorded revolutions, with the section points."""
-    path = point.trajectory.path.reshape(-1, 8)
+    path = point.trajectory.path.reshape(-1, 8).astype(np.float32)
     figure = go.Figure()
     if not point.design.rigid:
         figure.add_scatter(x=path[:, 2], y=path[:, 3], mode="lines", name="disc", line={"color": DISC, "width": 1})

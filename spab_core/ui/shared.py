@@ -7,14 +7,14 @@ import streamlit as st
 
 from spab_core.artifacts import ARTIFACTS, REFERENCE_MAP, load_reference_map
 from spab_core.design import Design
-from spab_core.figures import map_figure, mark_point
+from spab_core.figures import map_figure, mark_cell, mark_point
 from spab_core.integrate import is_compiled
 from spab_core.point import OperatingPoint, solve_point
 from spab_core.simulate import Settings
 from spab_core.stability_map import StabilityMap
 
 LIVE = Settings(transient=200, revolutions=200)
-LIVE_PATHS = 50
+LIVE_PATHS = 30
 
 
 @st.cache_resource(show_spinner=False)
@@ -39,9 +39,10 @@ def _map_figure(stamp: float, layer: str) -> go.Figure:
     return map_figure(_map(stamp), layer)
 
 
-def marked_map_figure(layer: str, chosen: tuple[float, float]) -> go.Figure:
-    """The map's figure with the chosen (bearing number, rotor mass) marked; only the mark is built anew."""
-    return mark_point(go.Figure(_map_figure(_stamp(), layer)), *chosen)
+def marked_map_figure(layer: str, mark: tuple[float, float] | int) -> go.Figure:
+    """The map's figure with a cross at a typed (bearing number, rotor mass), or with a cell selected."""
+    figure = go.Figure(_map_figure(_stamp(), layer))
+    return mark_cell(figure, mark) if isinstance(mark, int) else mark_point(figure, *mark)
 
 
 @st.cache_resource(max_entries=64, show_spinner=False)

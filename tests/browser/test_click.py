@@ -31,7 +31,7 @@ def test_click_a_cell(chromium):
         page.on("request", lambda request: requests.append(request.url))
         page.goto(address)
         tools.settled(page)
-        seconds = [click_cell(page, m, *m.nearest(mass, number)) for mass, number in ((7.0, 6.0), (18.0, 4.5))]
+        seconds = [click_cell(page, m, *m.nearest(mass, number)) for mass, number in ((7.0, 6.0), (10.0, 5.0), (18.0, 4.5))]
         tools.settled(page)
         Path(OUTPUT).mkdir(exist_ok=True)
         page.screenshot(path=OUTPUT / "clicked.png")
@@ -41,7 +41,7 @@ def test_click_a_cell(chromium):
     assert "Chaotic" in text
     assert not messages, messages
     assert all(url.startswith((address, address.replace("http", "ws"), "data:", "blob:")) for url in requests), requests
-    print(f"click to verdict: {seconds[0]:.2f} s, {seconds[1]:.2f} s")
+    print("click to answer: " + ", ".join(f"{s:.2f} s" for s in seconds))
 
 
 def click_cell(page, m, row, column):

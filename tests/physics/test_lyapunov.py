@@ -135,7 +135,7 @@ def _oscillator(linear, cubic, damping, force, frequency):
     ("Ueda x'' = -x³ - 0.05 x' + 7.5 sin t", (0.0, 1.0, 0.05, 7.5, 1.0), 0.104, 0.001),
 ], ids=["Duffing", "Ueda"])
 def test_forced_oscillators(name, parameters, expected, band):
-    found = growth(_oscillator(*parameters), [0.1, 0.1], 30_000, 100, 2.0 * math.pi, 1e-4)
+    found = growth(_oscillator(*parameters), [0.1, 0.1], 40_000, 100, 2.0 * math.pi, 1e-6)
     value, error = found.value / (2.0 * math.pi), found.standard_error / (2.0 * math.pi)
     assert error < band
     assert value == pytest.approx(expected, abs=band + error)
