@@ -57,8 +57,8 @@ with left:
                    on_change=_typed, help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
     c.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%.3f", on_change=_typed,
                    help="Whole rotor mass that one bearing carries")
-    st.plotly_chart(marked_map_figure(layer, state["mark"]), key="map", on_select=_clicked, selection_mode="points", width="stretch",
-                    config={"displaylogo": False, "scrollZoom": True})
+    st.plotly_chart(marked_map_figure(layer, state["mark"]), key="map", on_select=_clicked, selection_mode="points",
+                    width="stretch", config={"displaylogo": False, "scrollZoom": True})
     st.caption(f"{m.shape[0]} × {m.shape[1]} cold starts, {m.metadata['transient']} + {m.metadata['revolutions']} revolutions "
                f"each on {m.metadata['mesh']} film cells. Click a cell, or type Λ and mass, to solve that point now.")
 
