@@ -17,9 +17,11 @@ except InputError as error:
     st.stop()
 
 state = st.session_state
-state.setdefault("rotor_mass", 4.52)
-state.setdefault("bearing_number", 3.45)
-state.setdefault("mark", (state["bearing_number"], state["rotor_mass"]))
+if "mark" not in state:  # a first view: the cell nearest to the paper's example
+    first = m.nearest(4.52, 3.45)
+    state.setdefault("bearing_number", round(float(m.bearing_number[first[0]]), 6))
+    state.setdefault("rotor_mass", round(float(m.rotor_mass[first[1]]), 6))
+    state["mark"] = first[0] * len(m.rotor_mass) + first[1]
 
 
 def _typed():
