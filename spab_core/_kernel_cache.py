@@ -14,7 +14,8 @@ from pathlib import Path
 import numba
 
 _PREFIX = "spab-kernels-"
-_SOLVER = ("design", "dtm", "film", "integrate", "kernels", "linear", "lyapunov", "point", "regimes", "rotor", "simd",
+_KERNELS = ("dtm", "film", "integrate", "kernels", "linear", "rotor", "simd")
+_SOLVER = ("design", "dtm", "film", "floquet", "integrate", "kernels", "linear", "lyapunov", "point", "regimes", "rotor", "simd",
            "simulate")
 
 
@@ -42,7 +43,7 @@ def _usable(folder: Path) -> bool:
 
 def choose() -> None:
     """Point numba to the first usable place: NUMBA_CACHE_DIR, beside the sources, the home, a private temporary folder."""
-    name = _PREFIX + _hash(Path(__file__).parent.glob("*.py"))
+    name = _PREFIX + _hash(Path(__file__).parent / f"{module}.py" for module in _KERNELS)
     bases = [Path(__file__).parent / "__pycache__"]
     if os.environ.get("NUMBA_CACHE_DIR"):
         bases.insert(0, Path(os.environ["NUMBA_CACHE_DIR"]))

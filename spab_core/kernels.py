@@ -24,19 +24,31 @@ CENTRE = 1e-9  # below this eccentricity the direction of the contact force has 
 class Work(NamedTuple):
     """Scratch memory of one trajectory (all float64).
 
-    ``y``, ``p`` hold 1/H and P at the point of linearisation and ``q`` its Q, ``dp``, ``dq`` their derivatives along the
-    tangent; ``tq``, ``tdq`` are the same of a stage. ``inverse``, ``fill``, ``row`` are the blocks of the factorised film
-    matrix, ``lower``, ``upper`` its couplings around, ``border`` its two columns for the journal position and ``small``
-    the 2 x 2 remainder for the journal's velocity.
+    ``y``, ``p`` hold 1/H and P at the point of linearisation and ``q``, ``dq`` its Q and the derivative along the tangent;
+    ``tq``, ``tdq`` are the same of a stage. ``by_gas`` to ``by_gap2`` and ``push`` to ``bend_y`` belong to
+    :func:`prepare_curvature`. ``inverse``, ``fill``, ``row`` are the blocks of the factorised film matrix, ``lower``,
+    ``upper`` its couplings around, ``border`` its two columns for the journal position and ``small`` the 2 x 2 remainder
+    for the journal's velocity and other single numbers.
     """
 
     y: np.ndarray
     p: np.ndarray
     q: np.ndarray
-    dp: np.ndarray
     dq: np.ndarray
     tq: np.ndarray
     tdq: np.ndarray
+    by_gas: np.ndarray
+    by_gas2: np.ndarray
+    by_gap: np.ndarray
+    by_gap2: np.ndarray
+    push: np.ndarray
+    own: np.ndarray
+    east: np.ndarray
+    west: np.ndarray
+    above: np.ndarray
+    below: np.ndarray
+    bend_x: np.ndarray
+    bend_y: np.ndarray
     inverse: np.ndarray
     fill: np.ndarray
     row: np.ndarray
@@ -51,7 +63,8 @@ def build_work(film: Film) -> Work:
     """Allocate the scratch memory of one trajectory."""
     n, blocks = film_size(film), film.columns * film.padded**2
     ghosted = film.columns * (film.padded + WIDTH) + 2 * WIDTH
-    sizes = {"q": ghosted, "tq": ghosted, "dq": ghosted, "tdq": ghosted, "inverse": blocks, "fill": blocks, "row": blocks,
+    sizes = dict.fromkeys(("q", "tq", "dq", "tdq", "by_gas", "by_gas2", "by_gap", "by_gap2"), ghosted)
+    sizes |= {"inverse": blocks, "fill": blocks, "row": blocks,
              "border": 2 * (n + ROTOR_STATES), "scratch": 6 * film.padded, "small": 32}
     work = Work(*(aligned_zeros(sizes.get(name, n)) for name in Work._fields))
     for q in (work.q, work.tq):
@@ -256,84 +269,113 @@ def slope_tangent(system, t, u, v, work, out, out_v):
 
 @njit(cache=True, nogil=True)
 def prepare_curvature(system, u, v, work):
-    """Keep the derivatives of P and Q along ``v`` at the point of linearisation ``u``, for :func:`add_curvature`."""
+    """Form the derivative of the Jacobian along ``v`` at the point of linearisation ``u``, for :func:`add_curvature`.
+
+    It has the stencil of the Jacobian. With P = S/H and one direction v fixed, dQ[w] = a w + b dH and d²Q[v, w] = e w + f dH
+    in a cell, where a = 2P/H, b = -aP, e = 2 (dvP - P dvH/H)/H, f = -Pe - a dvP; a face adds k [6 H dvH dwH DQ
+    + 3 H² (dvH D dwQ + dwH D dvQ) + H³ D d²Q]. The journal's displacement makes two columns of their own, and the force's
+    part is d²P[v, w] = -(dwH dvP + dvH dwP)/H.
+    """
     film, _ = system
     mp, columns = film.padded, film.columns
     n, stride = columns * mp, mp + WIDTH
-    for j in range(columns):
-        dg = v[n] * film.cos[j] + v[n + 1] * film.sin[j]
-        for i in range(0, mp, WIDTH):
-            p = vload(work.p, j * mp + i)
-            dp = (vload(v, j * mp + i) + p * (vload(film.cos_centre, i) * dg)) * vload(work.y, j * mp + i)
-            vstore(work.dp, j * mp + i, dp)
-            vstore(work.dq, WIDTH + j * stride + i, (p + p) * dp)
-
-
-@njit(cache=True, nogil=True)
-def add_curvature(system, u, v, w, scale, work, out):
-    """out += scale * d²f(u)[v, w], the second derivative of the slope, after :func:`prepare_curvature` for ``v``.
-
-    With P = S/H: d²P[v, w] = -(dwH dvP + dvH dwP)/H and d²Q = 2 (dvP dwP + P d²P); a face adds k [6 H dvH dwH DQ
-    + 3 H² (dvH D dwQ + dwH D dvQ) + H³ D d²Q].
-    """
-    film, rotor = system
-    mp, columns = film.padded, film.columns
-    n, stride = columns * mp, mp + WIDTH
-    x, y = u[n], u[n + 1]
-    q, vq, wq, vwq = work.q, work.dq, work.tdq, work.tq
-    fx, fy = splat(0.0), splat(0.0)
+    x, y, vx, vy = u[n], u[n + 1], v[n], v[n + 1]
+    q, dq, a, e, b, f = work.q, work.dq, work.by_gas, work.by_gas2, work.by_gap, work.by_gap2
+    fxx, fxy, fyy = splat(0.0), splat(0.0), splat(0.0)
     for j in range(columns):
         c, s = film.cos[j], film.sin[j]
-        vg, wg = v[n] * c + v[n + 1] * s, w[n] * c + w[n + 1] * s
+        vg = vx * c + vy * s
         for i in range(0, mp, WIDTH):
-            centre, inverse, p = vload(film.cos_centre, i), vload(work.y, j * mp + i), vload(work.p, j * mp + i)
-            vp = vload(work.dp, j * mp + i)
-            wp = (vload(w, j * mp + i) + p * (centre * wg)) * inverse
-            vwp = (vp * wg + wp * vg) * (centre * inverse)
             o = WIDTH + j * stride + i
-            vstore(wq, o, (p + p) * wp)
-            vstore(vwq, o, 2.0 * (vp * wp + p * vwp))
-            excess = vwp * vload(film.weight, i)
-            fx, fy = fx - excess * c, fy - excess * s
-    for j in range(columns):
-        vwq[WIDTH + j * stride + mp] = 0.0  # the ghost beyond the edge does not move
+            centre, inverse, p = vload(film.cos_centre, i), vload(work.y, j * mp + i), vload(work.p, j * mp + i)
+            turn = centre * inverse  # -dH/H of a unit displacement towards the column
+            vp = vload(v, j * mp + i) * inverse + p * turn * vg
+            first = 2.0 * p * inverse
+            second = 2.0 * inverse * (vp + p * turn * vg)
+            vstore(dq, o, (p + p) * vp)
+            vstore(a, o, first)
+            vstore(e, o, second)
+            vstore(b, o, first * p * centre)
+            vstore(f, o, (second * p + first * vp) * centre)
+            push = vload(film.weight, i) * turn
+            vstore(work.push, j * mp + i, push * inverse * vg)
+            push = push * (vp + p * turn * vg)
+            fxx, fxy, fyy = fxx + push * (c * c), fxy + push * (c * s), fyy + push * (s * s)
+    work.small[20], work.small[21], work.small[22] = vsum(fxx), vsum(fxy), vsum(fyy)
+    last = columns - 1
     for i in range(0, mp, WIDTH):
         centre, up, down = vload(film.cos_centre, i), vload(film.cos_up, i), vload(film.cos_down, i)
         k_up, k_down, k_around = vload(film.flux_up, i), vload(film.flux_down, i), vload(film.flux_around, i)
         feed = vload(film.feed, i)
-        last = columns - 1
-        west = splat(0.0)
+        west, west_x, west_y = splat(0.0), splat(0.0), splat(0.0)
         for jj in range(columns + 1):
             j = jj - 1 if jj > 0 else last  # the face west of column 0 first
-            o, oe = WIDTH + j * stride + i, WIDTH + (j + 1 if j < last else 0) * stride + i
+            je = j + 1 if j < last else 0
+            o, oe = WIDTH + j * stride + i, WIDTH + je * stride + i
+            here, there = j * mp + i, je * mp + i
             cf, sf = film.cos_face[j], film.sin_face[j]
-            h = 1.0 - centre * (x * cf + y * sf)
-            vh, wh = -centre * (v[n] * cf + v[n + 1] * sf), -centre * (w[n] * cf + w[n + 1] * sf)
-            east = k_around * h * (6.0 * (vh * wh) * (vload(q, oe) - vload(q, o))
-                                   + 3.0 * h * (vh * (vload(wq, oe) - vload(wq, o)) + wh * (vload(vq, oe) - vload(vq, o)))
-                                   + h * h * (vload(vwq, oe) - vload(vwq, o)))
+            h, vh = 1.0 - centre * (x * cf + y * sf), -centre * (vx * cf + vy * sf)
+            k0, k1 = k_around * (h * h * h), 3.0 * k_around * (h * h) * vh
+            k2 = -3.0 * centre * (k_around * h) * (2.0 * vh * (vload(q, oe) - vload(q, o)) + h * (vload(dq, oe) - vload(dq, o)))
+            east, back = k1 * vload(a, oe) + k0 * vload(e, oe), k1 * vload(a, o) + k0 * vload(e, o)
+            gap_e, gap = k1 * vload(b, oe) + k0 * vload(f, oe), k1 * vload(b, o) + k0 * vload(f, o)
+            ce, se = film.cos[je], film.sin[je]
+            c, s = film.cos[j], film.sin[j]
+            east_x, east_y = k2 * cf + gap_e * ce - gap * c, k2 * sf + gap_e * se - gap * s
+            vstore(work.east, here, east)
+            vstore(work.west, there, back)
             if jj > 0:
-                c, s = film.cos[j], film.sin[j]
-                g, vg, wg = x * c + y * s, v[n] * c + v[n + 1] * s, w[n] * c + w[n + 1] * s
-                h, vh, wh = 1.0 - up * g, -up * vg, -up * wg
-                total = k_up * h * (6.0 * (vh * wh) * (vload(q, o + 1) - vload(q, o))
-                                    + 3.0 * h * (vh * (vload(wq, o + 1) - vload(wq, o))
-                                                 + wh * (vload(vq, o + 1) - vload(vq, o)))
-                                    + h * h * (vload(vwq, o + 1) - vload(vwq, o)))
-                h, vh, wh = 1.0 - down * g, -down * vg, -down * wg
-                total = total - k_down * h * (6.0 * (vh * wh) * (vload(q, o) - vload(q, o - 1))
-                                              + 3.0 * h * (vh * (vload(wq, o) - vload(wq, o - 1))
-                                                           + wh * (vload(vq, o) - vload(vq, o - 1)))
-                                              + h * h * (vload(vwq, o) - vload(vwq, o - 1)))
-                total = total + (east - west) - feed * vload(vwq, o)
-                vstore(out, j * mp + i, vload(out, j * mp + i) + scale * total)
-            west = east
+                g, vg = x * c + y * s, vx * c + vy * s
+                h, vh = 1.0 - up * g, -up * vg
+                k0, k1 = k_up * (h * h * h), 3.0 * k_up * (h * h) * vh
+                k2 = -3.0 * up * (k_up * h) * (2.0 * vh * (vload(q, o + 1) - vload(q, o))
+                                               + h * (vload(dq, o + 1) - vload(dq, o)))
+                total = k2 + k1 * (vload(b, o + 1) - vload(b, o)) + k0 * (vload(f, o + 1) - vload(f, o))
+                own = -1.0 * (k1 * vload(a, o) + k0 * vload(e, o))
+                vstore(work.above, here, k1 * vload(a, o + 1) + k0 * vload(e, o + 1))
+                h, vh = 1.0 - down * g, -down * vg
+                k0, k1 = k_down * (h * h * h), 3.0 * k_down * (h * h) * vh
+                k2 = -3.0 * down * (k_down * h) * (2.0 * vh * (vload(q, o) - vload(q, o - 1))
+                                                   + h * (vload(dq, o) - vload(dq, o - 1)))
+                total = total - k2 - k1 * (vload(b, o) - vload(b, o - 1)) - k0 * (vload(f, o) - vload(f, o - 1))
+                total = total - feed * vload(f, o)
+                vstore(work.below, here, k1 * vload(a, o - 1) + k0 * vload(e, o - 1))
+                vstore(work.own, here, own - k1 * vload(a, o) - k0 * vload(e, o) - back - west - feed * vload(e, o))
+                vstore(work.bend_x, here, total * c + (east_x - west_x))
+                vstore(work.bend_y, here, total * s + (east_y - west_y))
+            west, west_x, west_y = east, east_x, east_y
+
+
+@njit(cache=True, nogil=True)
+def add_curvature(system, u, v, w, scale, work, out):
+    """out += scale * d²f(u)[v, w], the second derivative of the slope, after :func:`prepare_curvature` for ``v``."""
+    film, rotor = system
+    mp, columns = film.padded, film.columns
+    n, stride = columns * mp, mp + WIDTH
+    copy = work.tdq  # with ghosts at both ends of a column, where the coefficients are zero
     for j in range(columns):
-        vwq[WIDTH + j * stride + mp] = 1.0
+        for i in range(0, mp, WIDTH):
+            vstore(copy, WIDTH + j * stride + i, vload(w, j * mp + i))
+    fx, fy = splat(0.0), splat(0.0)
+    wx, wy = w[n], w[n + 1]
+    last = columns - 1
+    for j in range(columns):
+        je, jw = (j + 1 if j < last else 0), (j - 1 if j > 0 else last)
+        for i in range(0, mp, WIDTH):
+            o, k = WIDTH + j * stride + i, j * mp + i
+            here = vload(w, k)
+            total = vload(work.own, k) * here + vload(work.bend_x, k) * wx + vload(work.bend_y, k) * wy
+            total = total + vload(work.east, k) * vload(w, je * mp + i) + vload(work.west, k) * vload(w, jw * mp + i)
+            total = total + vload(work.above, k) * vload(copy, o + 1) + vload(work.below, k) * vload(copy, o - 1)
+            vstore(out, k, vload(out, k) + scale * total)
+            push = vload(work.push, k) * here
+            fx, fy = fx - push * film.cos[j], fy - push * film.sin[j]
+    small = work.small
+    gx, gy = small[20] * wx + small[21] * wy, small[21] * wx + small[22] * wy
     a, b = (v[n], v[n + 1], v[n + 4], v[n + 5]), (w[n], w[n + 1], w[n + 4], w[n + 5])
-    c = contact(rotor, x, y, u[n + 4], u[n + 5], a, b)
-    out[n + 4] += scale * rotor.inverse_mass * (vsum(fx) + c[6])
-    out[n + 5] += scale * rotor.inverse_mass * (vsum(fy) + c[7])
+    c = contact(rotor, u[n], u[n + 1], u[n + 4], u[n + 5], a, b)
+    out[n + 4] += scale * rotor.inverse_mass * (vsum(fx) - gx + c[6])
+    out[n + 5] += scale * rotor.inverse_mass * (vsum(fy) - gy + c[7])
 
 
 @njit(cache=True, nogil=True)

@@ -11,7 +11,9 @@ from __future__ import annotations
 from numba import njit
 
 from spab_core.kernels import contact
-from spab_core.simd import WIDTH, splat, spread, vload, vstore, vsum
+from spab_core.simd import WIDTH, invert_two, splat, spread, vload, vstore, vsum
+
+NEGLIGIBLE = 1e-11  # couplings dropped in the elimination, relative to the unit matrix
 
 
 @njit(cache=True, nogil=True, forceinline=True)
@@ -147,14 +149,23 @@ def _assemble(film, work, x, y, step):
 
 
 @njit(cache=True, nogil=True, forceinline=True)
-def _eliminate(film, work, j, target, towards, back, m):
-    """Eliminate column j (its block is inverted already) from the last column and from the column ``target``.
+def _eliminate(film, work, j, target, towards, back, coupled, fresh, m):
+    """Eliminate column j (its block is inverted already) from the column ``target`` and, while ``coupled``, from the last one.
 
-    ``towards`` couples column j to ``target``, ``back`` the other way. A negative target: the last column only.
+    ``towards`` couples column j to ``target``, ``back`` the other way. A negative target: the last column only. ``fresh``:
+    the target has no coupling to the last column yet. Returns whether the target's coupling to the last column matters.
     """
     size = m * m
     d, fill, row = work.inverse, work.fill, work.row
     o, t, separator = j * size, target * size, (film.columns - 1) * size
+    if target >= 0:
+        for v in range(0, m, WIDTH):
+            b = vload(back, target * m + v)
+            for c in range(m):
+                k = c * m + v
+                vstore(d, t + k, vload(d, t + k) - b * vload(d, o + k) * spread(towards, j * m + c))
+    if not coupled:
+        return False
     # D^-1 fill, built in the free slot of the separator and copied back
     _multiply(d, o, fill, o, fill, separator, m)
     for k in range(0, size, WIDTH):
@@ -169,47 +180,68 @@ def _eliminate(film, work, j, target, towards, back, m):
             for k in range(m):
                 total = total - vload(row, o + k * m + v) * spread(fill, o + c * m + k)
             vstore(d, separator + c * m + v, total)
-    if target >= 0:
-        _multiply(row, o, d, o, row, separator, m)
-        for v in range(0, m, WIDTH):
-            b = vload(back, target * m + v)
-            for c in range(m):
-                a, k = spread(towards, j * m + c), c * m + v
-                vstore(d, t + k, vload(d, t + k) - b * vload(d, o + k) * a)
-                vstore(fill, t + k, vload(fill, t + k) - b * vload(fill, o + k))
-                vstore(row, t + k, vload(row, t + k) - vload(row, separator + k) * a)
+    if target < 0:
+        return False
+    _multiply(row, o, d, o, row, separator, m)
+    keep = 0.0 if fresh else 1.0
+    total = splat(0.0)
+    for v in range(0, m, WIDTH):
+        b = vload(back, target * m + v)
+        for c in range(m):
+            k = c * m + v
+            below, beside = b * vload(fill, o + k), vload(row, separator + k) * spread(towards, j * m + c)
+            total = total + below * below + beside * beside
+            vstore(fill, t + k, keep * vload(fill, t + k) - below)
+            vstore(row, t + k, keep * vload(row, t + k) - beside)
+    return vsum(total) > NEGLIGIBLE**2
 
 
 @njit(cache=True, nogil=True, forceinline=True)
 def _factorise_blocks(film, work, m):
     """Eliminate the columns from both ends of the ring towards its middle: two chains, so that one hides the other's latency.
 
-    ``fill`` couples each column to the last one, the separator; ``row`` the separator to each.
+    ``fill`` couples each column to the last one, the separator; ``row`` the separator to each. Both decay from column to
+    column (a disturbance of the film diffuses a few columns far in one step); where they fall below :data:`NEGLIGIBLE`
+    they are dropped. ``small`` keeps how many columns of each chain, and whether the middle one, stay coupled.
     """
     chain, size = film.columns - 1, m * m
     middle = chain // 2
     d, lower, upper = work.inverse, work.lower, work.upper
-    for k in range(0, chain * size, WIDTH):
-        vstore(work.fill, k, splat(0.0))
-        vstore(work.row, k, splat(0.0))
     end = (chain - 1) * size
+    for k in range(0, size, WIDTH):
+        for o in (0, middle * size, end):
+            vstore(work.fill, o + k, splat(0.0))
+            vstore(work.row, o + k, splat(0.0))
     for i in range(m):
         work.fill[i * m + i] = lower[i]
         work.row[i * m + i] = upper[chain * m + i]
-        work.fill[end + i * m + i] += upper[(chain - 1) * m + i]
-        work.row[end + i * m + i] += lower[chain * m + i]
+        work.fill[end + i * m + i] = upper[(chain - 1) * m + i]
+        work.row[end + i * m + i] = lower[chain * m + i]
+    first, second, centre = True, True, False
+    count_first, count_second = 0, 0
     for step in range(middle + 2):
         j, other = (step, chain - 1 - step) if step <= middle else (chain, -1)  # the separator comes last
         pair = other > middle
-        for k in range(m):
-            _pivot(d, j * size, k, m, film.eye)
-            if pair:
-                _pivot(d, other * size, k, m, film.eye)
-        for side in range((2 if pair else 1) if step <= middle else 0):
-            column = j if side == 0 else other
-            target = other - 1 if side == 1 else (j + 1 if j < middle else -1)
-            towards, back = (upper, lower) if side == 0 else (lower, upper)
-            _eliminate(film, work, column, target, towards, back, m)
+        if m == WIDTH:
+            invert_two(d, j * size, (other if pair else j) * size)
+        else:
+            for k in range(m):
+                _pivot(d, j * size, k, m, film.eye)
+                if pair:
+                    _pivot(d, other * size, k, m, film.eye)
+        if step > middle:
+            break
+        if j == middle:
+            _eliminate(film, work, j, -1, upper, lower, centre, False, m)
+            continue
+        count_first += first
+        first = _eliminate(film, work, j, j + 1, upper, lower, first, j + 1 < middle, m)
+        centre = centre or (first and j + 1 == middle)
+        if pair:
+            count_second += second
+            second = _eliminate(film, work, other, other - 1, lower, upper, second, other - 1 > middle, m)
+            centre = centre or (second and other - 1 == middle)
+    work.small[14], work.small[15], work.small[16] = count_first, count_second, 1.0 if centre else 0.0
 
 
 @njit(cache=True, nogil=True, forceinline=True)
@@ -226,6 +258,7 @@ def _solve_blocks(film, work, r, o, m):
     """Solve the film part in place for the right-hand side at r[o:], from both ends like the elimination."""
     chain, size = film.columns - 1, m * m
     middle = chain // 2
+    first, second, centre = int(work.small[14]), int(work.small[15]), work.small[16] > 0.0
     d, fill, row, lower, upper = work.inverse, work.fill, work.row, work.lower, work.upper
     t, last = work.scratch, o + chain * m
     for j in range(middle + 1):
@@ -242,33 +275,43 @@ def _solve_blocks(film, work, r, o, m):
                 vstore(t, m + v, product)
                 k = (other - 1) * m + v
                 vstore(r, o + k, vload(r, o + k) - vload(upper, k) * product)
-        for v in range(0, m, WIDTH):
-            total = vload(r, last + v) - _apply(row, j * size, t, 0, v, m)
-            if other > middle:
-                total = total - _apply(row, other * size, t, m, v, m)
-            vstore(r, last + v, total)
+        if j < first or (j == middle and centre):
+            for v in range(0, m, WIDTH):
+                vstore(r, last + v, vload(r, last + v) - _apply(row, j * size, t, 0, v, m))
+        if j < second:
+            for v in range(0, m, WIDTH):
+                vstore(r, last + v, vload(r, last + v) - _apply(row, other * size, t, m, v, m))
     for v in range(0, m, WIDTH):
         vstore(t, v, _apply(d, chain * size, r, last, v, m))
     for v in range(0, m, WIDTH):
         vstore(r, last + v, vload(t, v))
     for step in range(middle + 1):
         j, other = middle - step, middle + step
-        here = o + j * m
+        here, there = o + j * m, o + other * m
+        pair = 0 < step and other < chain
         if step > 0:
             for v in range(0, m, WIDTH):
                 vstore(r, here + v, vload(r, here + v) - vload(upper, j * m + v) * vload(r, here + m + v))
         for v in range(0, m, WIDTH):
-            vstore(t, v, _apply(d, j * size, r, here, v, m) - _apply(fill, j * size, r, last, v, m))
-        if 0 < step and other < chain:
-            there = o + other * m
+            vstore(t, v, _apply(d, j * size, r, here, v, m))
+        if pair:
             for v in range(0, m, WIDTH):
                 vstore(r, there + v, vload(r, there + v) - vload(lower, other * m + v) * vload(r, there - m + v))
             for v in range(0, m, WIDTH):
-                vstore(t, m + v, _apply(d, other * size, r, there, v, m) - _apply(fill, other * size, r, last, v, m))
+                vstore(t, m + v, _apply(d, other * size, r, there, v, m))
+        if j < first or (step == 0 and centre):
             for v in range(0, m, WIDTH):
-                vstore(r, there + v, vload(t, m + v))
-        for v in range(0, m, WIDTH):
-            vstore(r, here + v, vload(t, v))
+                vstore(r, here + v, vload(t, v) - _apply(fill, j * size, r, last, v, m))
+        else:
+            for v in range(0, m, WIDTH):
+                vstore(r, here + v, vload(t, v))
+        if pair:
+            if chain - 1 - other < second:
+                for v in range(0, m, WIDTH):
+                    vstore(r, there + v, vload(t, m + v) - _apply(fill, other * size, r, last, v, m))
+            else:
+                for v in range(0, m, WIDTH):
+                    vstore(r, there + v, vload(t, m + v))
 
 
 @njit(cache=True, nogil=True, forceinline=True)

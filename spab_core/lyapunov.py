@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from spab_core.floquet import Settled
+
 BATCHES = 20
 _CYCLE = 12  # batches of a multiple of 12 revolutions see whole cycles of periods 2, 3, 4, 6 and 12
 
@@ -35,13 +37,15 @@ class Exponent:
     trace: np.ndarray
 
 
-def exponent(growth: np.ndarray) -> Exponent | None:
-    """Mean growth with its standard error.
+def exponent(growth: np.ndarray, settled: Settled | None = None) -> Exponent | None:
+    """Mean growth with its standard error, or the leading Floquet multiplier's where the run settled on a periodic orbit.
 
     Parameters
     ----------
     growth : ndarray, (revolutions,)
         Natural log of the tangent's growth in each revolution.
+    settled : Settled
+        The periodic orbit on which the run stopped.
 
     Returns
     -------
@@ -56,10 +60,12 @@ def exponent(growth: np.ndarray) -> Exponent | None:
     n = len(growth)
     if n < 2 or not np.all(np.isfinite(growth)):
         return None
+    trace = np.cumsum(growth) / np.arange(1, n + 1)
+    if settled is not None:
+        return Exponent(settled.rate, settled.error, trace)
     size = max(n // BATCHES, 1)
     if n >= 5 * _CYCLE:
         size = max(size - size % _CYCLE, _CYCLE)
     batches = n // size
     means = growth[n - batches * size:].reshape(batches, size).mean(axis=1)
-    trace = np.cumsum(growth) / np.arange(1, n + 1)
     return Exponent(float(trace[-1]), float(means.std(ddof=1) / math.sqrt(batches)), trace)

@@ -108,6 +108,6 @@ def solve_point(design: Design, rotor_mass: float, bearing_number: float, settin
     settings = settings or Settings()
     trajectory = simulate(design, rotor_mass, bearing_number, settings, path_revolutions=path_revolutions,
                           progress=progress)
-    mle = exponent(trajectory.growth) if trajectory.status == "ok" else None
+    mle = exponent(trajectory.growth, trajectory.settled) if trajectory.status == "ok" else None
     regime = classify(trajectory.section, mle) if mle else None
     return OperatingPoint(design, float(rotor_mass), float(bearing_number), settings, trajectory, mle, regime)

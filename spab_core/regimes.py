@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from spab_core.floquet import MAX_PERIOD
 from spab_core.lyapunov import Exponent
 
 REGIMES = ("periodic", "quasi-periodic", "chaotic")
-MAX_PERIOD = 16
 SECTION_TOLERANCE = 1e-3  # over C
 _WINDOW = 60  # last section points looked at
 _CHAOS = 0.01  # smallest exponent called chaotic, per revolution

@@ -54,6 +54,17 @@ def vload(typingctx, array, index):
     return f64x8(array, index), codegen
 
 
+def _broadcast(builder, one):
+    vector = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), one, cgutils.int32_t(0))
+    return _lane(builder, vector, 0)
+
+
+def _lane(builder, vector, k):
+    """Element k in all places."""
+    return builder.shuffle_vector(vector, ir.Constant(_VECTOR, ir.Undefined),
+                                  ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [k] * WIDTH))
+
+
 @intrinsic
 def spread(typingctx, array, index):
     """One element of a flat float64 array in all eight places (unchecked: numba's own indexing tests for negatives)."""
@@ -63,10 +74,7 @@ def spread(typingctx, array, index):
     def codegen(context, builder, signature, args):
         position = context.cast(builder, args[1], signature.args[1], types.intp)
         data = context.make_array(signature.args[0])(context, builder, args[0]).data
-        one = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), builder.load(builder.gep(data, [position])),
-                                     cgutils.int32_t(0))
-        return builder.shuffle_vector(one, ir.Constant(_VECTOR, ir.Undefined),
-                                      ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH))
+        return _broadcast(builder, builder.load(builder.gep(data, [position])))
 
     return f64x8(array, index), codegen
 
@@ -92,9 +100,7 @@ def splat(typingctx, value):
         return None
 
     def codegen(context, builder, signature, args):
-        one = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), args[0], cgutils.int32_t(0))
-        return builder.shuffle_vector(one, ir.Constant(_VECTOR, ir.Undefined),
-                                      ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH))
+        return _broadcast(builder, args[0])
 
     return f64x8(value), codegen
 
@@ -152,6 +158,43 @@ def vmin(typingctx, a, b):
 
 
 @intrinsic
+def invert_two(typingctx, array, first, second):
+    """Invert two 8 x 8 blocks of a flat array in place, by Gauss-Jordan without pivoting, all sixteen rows in registers.
+
+    The two are independent: the arithmetic of one hides the latency of the other. ``first`` may equal ``second``.
+    """
+    if not _is_flat(array) or not isinstance(first, types.Integer) or not isinstance(second, types.Integer):
+        return None
+
+    def codegen(context, builder, signature, args):
+        contract = ("contract",)
+        pointers, blocks = [], []
+        for position, kind in zip(args[1:], signature.args[1:], strict=True):
+            start = context.cast(builder, position, kind, types.intp)
+            pointers.append([_pointer(context, builder, signature.args[0], args[0],
+                                      builder.add(start, ir.Constant(start.type, WIDTH * i))) for i in range(WIDTH)])
+            blocks.append([builder.load(pointer, align=8) for pointer in pointers[-1]])
+        one = ir.Constant(ir.DoubleType(), 1.0)
+        for k in range(WIDTH):
+            here = cgutils.int32_t(k)
+            for rows in blocks:
+                pivot = _broadcast(builder, builder.fdiv(one, builder.extract_element(rows[k], here)))
+                rows[k] = builder.fmul(builder.insert_element(rows[k], one, here), pivot)
+                # place k of the other rows must become - factor / pivot: one more in place k takes the factor itself away
+                unit = ir.Constant(_VECTOR, [1.0 if i == k else 0.0 for i in range(WIDTH)])
+                used = builder.fadd(rows[k], unit)
+                for i in [*range(k + 1, WIDTH), *range(k)]:  # the next pivot's row first
+                    scaled = builder.fmul(_lane(builder, rows[i], k), used, flags=contract)
+                    rows[i] = builder.fsub(rows[i], scaled, flags=contract)
+        for rows, places in zip(blocks, pointers, strict=True):
+            for row, place in zip(rows, places, strict=True):
+                builder.store(row, place, align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, first, second), codegen
+
+
+@intrinsic
 def vsum(typingctx, value):
     """Sum of the eight elements, in a fixed order."""
     if value != f64x8:
@@ -173,4 +216,4 @@ def aligned_zeros(n):
     return raw[start:start + n]
 
 
-__all__ = ["WIDTH", "aligned_zeros", "f64x8", "njit", "splat", "spread", "vload", "vmin", "vstore", "vsum"]
+__all__ = ["WIDTH", "aligned_zeros", "f64x8", "invert_two", "njit", "splat", "spread", "vload", "vmin", "vstore", "vsum"]

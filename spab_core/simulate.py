@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from spab_core.design import Design, DesignError, check_number
-from spab_core.film import DEFAULT_MESH, SCHEMES, Mesh, build_film, parse_mesh
+from spab_core.film import DEFAULT_MESH, SCHEMES, Mesh, build_film, film_size, parse_mesh
+from spab_core.floquet import CHECK_EVERY, MEMORY, Settled, find_settled, is_near, window
 from spab_core.integrate import (
     DEFAULT_TOLERANCE,
     METHODS,
@@ -19,17 +20,18 @@ from spab_core.integrate import (
     REVOLUTION,
     STATUS,
     Options,
+    Record,
     advance,
     build_memory,
     build_record,
 )
-from spab_core.rotor import build_rotor
+from spab_core.rotor import ROTOR_STATES, build_rotor
 
 ROTOR_MASS_RANGE = (1e-3, 1e3)  # kg
 BEARING_NUMBER_RANGE = (0.01, 50.0)
 ALIGNMENT = 100  # last revolutions of the transient (at most half of it) in which the tangent already runs: on a sheared
 # torus it grows like the time, which leaves a bias of ln(1 + T/a)/T after T measured and a aligning revolutions
-_CHUNK = 25  # revolutions between progress reports
+_ATTENTION = 50  # last revolutions of a run without a check: recording paths there must not change where the run stops
 
 Progress = Callable[[int], None]
 
@@ -50,6 +52,8 @@ class Settings:
         Largest error estimate of a step, lengths over C.
     scheme : str
         Film differences, ``fitted`` or ``plain`` (:func:`spab_core.film.build_film`).
+    early_stop : bool
+        Stop where the run has settled on a periodic orbit (:mod:`spab_core.floquet`).
     """
 
     mesh: Mesh = DEFAULT_MESH
@@ -58,6 +62,7 @@ class Settings:
     revolutions: int = 400
     tolerance: float = DEFAULT_TOLERANCE
     scheme: str = "fitted"
+    early_stop: bool = True
 
     def __post_init__(self):
         object.__setattr__(self, "mesh", parse_mesh(self.mesh if isinstance(self.mesh, str) else "x".join(map(str, self.mesh))))
@@ -70,6 +75,8 @@ class Settings:
             if value != int(value):
                 raise DesignError(f"{name} = {value} must be a whole number of revolutions")
         check_number("tolerance", self.tolerance, 1e-10, 1e-2)
+        if not isinstance(self.early_stop, bool):
+            raise DesignError(f"early_stop = {str(self.early_stop)[:40]!r} is not allowed: True or False")
 
     def to_dict(self) -> dict:
         """Plain dictionary, the mesh as text."""
@@ -78,7 +85,10 @@ class Settings:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """What one run gave. Lengths over C, time as tau = omega t; arrays cover the measured revolutions.
+    """What one run gave. Lengths over C, time as tau = omega t.
+
+    Arrays cover the measured revolutions. Where the run settled on a periodic orbit these are its last whole periods, and
+    ``growth`` covers all revolutions with a tangent.
 
     Attributes
     ----------
@@ -99,6 +109,8 @@ class Trajectory:
     steps : int
         Integration steps taken.
     wall_seconds : float
+    settled : Settled or None
+        The periodic orbit on which the run stopped early.
     """
 
     status: str
@@ -110,6 +122,7 @@ class Trajectory:
     path: np.ndarray
     steps: int
     wall_seconds: float
+    settled: Settled | None = None
 
 
 def check_point(rotor_mass: float, bearing_number: float) -> None:
@@ -155,39 +168,59 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
     memory = build_memory(film, settings.method)
     # the steps of dtm are limited by stability, so a smaller tolerance costs nothing and keeps its tangent clean
     tolerance = min(settings.tolerance, 1e-6) if settings.method == "dtm" else settings.tolerance
-    done = 0
-    status = OK
-
-    def run(revolutions, *, tangent=False, keep=0):
-        nonlocal done, status
-        record = build_record(revolutions, samples if keep else 0)
-        row = 0
-        while row < revolutions and status == OK:
-            count = min(_CHUNK, revolutions - row)
-            part = type(record)(*(a[row:row + count] for a in record))
-            options = Options(METHODS.index(settings.method), tolerance, tangent=tangent)
-            status, completed = advance(system, memory, options, done, count, part)
-            row += completed
-            done += completed
-            if progress:
-                progress(completed)
-        return type(record)(*(a[:row] for a in record))
-
-    transient = int(settings.transient)
-    aligned = min(ALIGNMENT, transient // 2)
-    run(transient - aligned)
-    run(aligned, tangent=True)
+    transient, total = int(settings.transient), int(settings.transient) + int(settings.revolutions)
     kept = min(path_revolutions, int(settings.revolutions))
-    main = run(int(settings.revolutions) - kept, tangent=True)
-    last = run(kept, tangent=True, keep=kept)
+    aligned = min(ALIGNMENT, transient // 2)
+    done, status, tangent = 0, OK, False
+    records: list[Record] = []  # of the chunks so far
+    first_tangent = total  # first revolution with a tangent
+    settled, rates = None, dict[int, float]()
 
+    def run(count, keep=False):
+        nonlocal done, status
+        record = build_record(count, samples if keep else 0, film_size(film) + ROTOR_STATES if tangent else 0)
+        options = Options(METHODS.index(settings.method), tolerance, tangent=tangent)
+        status, completed = advance(system, memory, options, done, count, record)
+        done += completed
+        records.append(Record(*(a[:completed] for a in record)))
+        if progress:
+            progress(completed)
+
+    def last(field, rows):
+        """The last rows of a field of the records."""
+        parts, found = [], 0
+        for record in reversed(records):
+            if found >= rows:
+                break
+            parts.append(getattr(record, field))
+            found += len(parts[-1])
+        return np.concatenate(parts[::-1])[-rows:] if rows > 0 and parts else np.empty((0, *getattr(records[0], field).shape[1:]))
+
+    while done < total - kept and status == OK and settled is None:
+        if not tangent and done >= transient - aligned:
+            tangent, first_tangent = True, done
+        edges = (done + CHECK_EVERY - done % CHECK_EVERY, transient - aligned, transient, total - kept)
+        run(min(edge for edge in edges if edge > done) - done)
+        if status == OK and settings.early_stop and done % CHECK_EVERY == 0 and done <= total - max(kept, _ATTENTION):
+            section = last("section", 3 * MEMORY)
+            if not tangent:
+                if done * REVOLUTION > system[1].ramp and is_near(section):
+                    tangent, first_tangent = True, done
+            else:
+                rows = min(MEMORY, done - first_tangent)
+                settled = find_settled(section, last("tangent", rows), last("growth", rows), rates)
+    measured = window(settled.period) if settled else max(done - transient, 0)
+    if kept and status == OK:
+        run(kept, keep=True)
+        measured += len(records[-1].section)
+    path = records[-1].path if kept and records else np.empty((0, samples, ROTOR_STATES))
+    arrays = {name: last(name, measured) for name in ("section", "contact", "peak")}
+    growth = last("growth", done - first_tangent if settled else measured)
     if design.rigid:  # the disc is the journal
-        for record in (main, last):
-            for array in (record.section, record.path):
-                array[..., 2:4], array[..., 6:8] = array[..., 0:2], array[..., 4:6]
-    both = [np.concatenate(pair) for pair in zip(main[:4], last[:4], strict=True)]
-    return Trajectory(STATUS[status], done, both[0], both[1], both[2] / REVOLUTION, both[3], last.path,
-                      int(memory.control[1]), time.perf_counter() - began)
+        for array in (arrays["section"], path):
+            array[..., 2:4], array[..., 6:8] = array[..., 0:2], array[..., 4:6]
+    return Trajectory(STATUS[status], done, arrays["section"], growth, arrays["contact"] / REVOLUTION, arrays["peak"], path,
+                      int(memory.control[1]), time.perf_counter() - began, settled)
 
 
 def path_angle(trajectory: Trajectory) -> np.ndarray:

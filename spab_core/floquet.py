@@ -1,0 +1,149 @@
+"""When a run has settled on a periodic orbit: its leading Floquet multiplier, which is its exponent for all time.
+
+Near a periodic orbit of n revolutions the tangents a period apart obey v[k + 1] = A v[k] with one and the same monodromy A.
+After some revolutions few modes are left, and consecutive tangents satisfy a linear recurrence whose roots are the leading
+multipliers (Krylov, 1931: the same idea as Arnoldi's method and dynamic mode decomposition). An orbit that repeats and whose
+multipliers lie inside the unit circle attracts: running on cannot change the answer, so the run may stop.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+MAX_PERIOD = 16
+CHECK_EVERY = 12  # revolutions
+NEAR = 3e-3  # mismatch of the section, over C, from which on the tangent is worth its cost
+DISTANCE = 5e-4  # largest distance of a settled orbit from its limit, over C
+_RESIDUAL = 2e-3  # of the recurrence
+_ORDERS = 4  # most modes told apart
+_FITS = 4  # successive tangents that must obey the same recurrence
+MEMORY = MAX_PERIOD * (_FITS + 1)  # tangents worth keeping
+
+
+@dataclass(frozen=True)
+class Settled:
+    """A periodic orbit that a run has reached.
+
+    Attributes
+    ----------
+    period : int
+        Revolutions after which the orbit repeats.
+    rate : float
+        Natural log of the leading multiplier's magnitude, per revolution: the maximum Lyapunov exponent.
+    error : float
+        Change of ``rate`` since the check before.
+    """
+
+    period: int
+    rate: float
+    error: float
+
+
+def window(period: int) -> int:
+    """Revolutions, whole periods, over which an orbit must repeat."""
+    return period * max(2, -(-CHECK_EVERY // period))
+
+
+def mismatch(section: np.ndarray, period: int) -> float:
+    """Largest distance, over C, between section points ``period`` revolutions apart, in the last :func:`window` points.
+
+    Parameters
+    ----------
+    section : ndarray, (revolutions, >= 4)
+        Rotor states at tau = 2 pi k; the first four columns, the positions, are compared.
+    period : int
+
+    Returns
+    -------
+    float
+        inf where there are too few points.
+    """
+    count = window(period)
+    if len(section) < count + period:
+        return math.inf
+    points = section[len(section) - count - period:, :4]
+    return float(np.abs(points[period:] - points[:-period]).max())
+
+
+def is_near(section: np.ndarray) -> bool:
+    """Whether the section comes close to repeating after at most 16 revolutions."""
+    return any(mismatch(section, period) < NEAR for period in range(1, MAX_PERIOD + 1))
+
+
+def leading_rate(tangent: np.ndarray, growth: np.ndarray, period: int) -> float | None:
+    """Log of the leading multiplier's magnitude, per revolution.
+
+    Parameters
+    ----------
+    tangent : ndarray, (revolutions, n)
+        Unit tangents at the ends of consecutive revolutions.
+    growth : ndarray, (revolutions,)
+        Natural log of the tangent's growth in each revolution.
+    period : int
+
+    Returns
+    -------
+    float or None
+        None where no recurrence of order 4 or less holds yet.
+    """
+    log_size = np.cumsum(growth)
+    for order in range(1, _ORDERS + 1):
+        count = _FITS + order
+        if len(tangent) < (count - 1) * period + 1:
+            return None
+        at = len(tangent) - 1 - period * np.arange(count)[::-1]
+        rows, right = [], []
+        for k in range(_FITS):
+            chosen = at[k:k + order + 1]
+            sizes = np.exp(np.clip(log_size[chosen] - log_size[chosen[-1]], -300.0, 300.0))
+            rows.append((tangent[chosen[:-1]] * sizes[:-1, None]).T)
+            right.append(tangent[chosen[-1]])
+        a, b = np.concatenate(rows), np.concatenate(right)
+        scale = np.linalg.norm(a, axis=0)
+        if not (np.isfinite(scale).all() and scale.all()):
+            return None
+        x = np.linalg.lstsq(a / scale, b, rcond=None)[0]
+        if np.linalg.norm((a / scale) @ x - b) < _RESIDUAL * np.linalg.norm(b):
+            roots = np.roots(np.concatenate([[1.0], -(x / scale)[::-1]]))
+            largest = float(np.abs(roots).max()) if len(roots) else 0.0
+            return math.log(largest) / period if largest > 0.0 else None
+    return None
+
+
+def find_settled(section: np.ndarray, tangent: np.ndarray, growth: np.ndarray,
+                 rates: dict[int, float]) -> Settled | None:
+    """The periodic orbit that a run has reached, if it has.
+
+    The smallest period whose section mismatch, divided by one less the leading multiplier, the distance to the limit, is under
+    :data:`DISTANCE`, with a negative rate that has not changed by more than 1 % and 0.001 since the check before.
+
+    Parameters
+    ----------
+    section, tangent, growth : ndarray
+        Of the last revolutions, all ending at the same one.
+    rates : dict
+        Rates by period at the check before; replaced by those found now.
+
+    Returns
+    -------
+    Settled or None
+    """
+    before = dict(rates)
+    rates.clear()
+    for period in range(1, MAX_PERIOD + 1):
+        gap = mismatch(section, period)
+        if gap > DISTANCE:
+            continue
+        rate = leading_rate(tangent, growth, period)
+        if rate is None:
+            continue
+        rates[period] = rate
+        if rate >= 0.0 or gap > -math.expm1(period * rate) * DISTANCE or period not in before:
+            continue
+        change = abs(rate - before[period])
+        if change < 0.001 + 0.01 * abs(rate):
+            return Settled(period, rate, change)
+    return None
