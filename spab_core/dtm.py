@@ -16,7 +16,7 @@ from numba import njit
 from spab_core.film import Film, film_size
 from spab_core.kernels import CENTRE, error_norm
 from spab_core.rotor import ROTOR_STATES
-from spab_core.simd import WIDTH, aligned_zeros, splat, vload, vstore, vsum
+from spab_core.simd import WIDTH, aligned_zeros, inner, kernel, splat, vload, vstore, vsum
 
 DTM_ORDER = 6
 _K = DTM_ORDER + 1
@@ -31,7 +31,7 @@ def build_series(film: Film, method: int) -> np.ndarray:
     return aligned_zeros(rows * size).reshape(rows, size)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _contact_series(rotor, r, d, k, c, dual):
     """Order k of the contact force from orders 0..k of the rotor state ``r`` and its tangent ``d``.
 
@@ -114,14 +114,14 @@ def _contact_series(rotor, r, d, k, c, dual):
         c[o + k, 6], c[o + k, 7] = fx, fy
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner
 def _gap_order(cosine, g, k, j):
     """Order k of H = 1 - cosine g in column j."""
     h = -cosine * g[k, j]
     return 1.0 + h if k == 0 else h
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _pressure_order(film, z, g, k, dual):
     """Order k of P = S/H and of Q = P²; returns its share of the force, (fx, fy, dfx, dfy)."""
     mp = film.padded
@@ -161,7 +161,7 @@ def _pressure_order(film, z, g, k, dual):
     return vsum(fx), vsum(fy), vsum(dfx), vsum(dfy)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _cube_order(film, z, cosine, g, row, k, dual):
     """Order k of H³ at one kind of face, H = 1 - cosine g linear in the journal's position."""
     mp = film.padded
@@ -185,7 +185,7 @@ def _cube_order(film, z, cosine, g, row, k, dual):
                 vstore(z[tangent + row * _K + k], o, dtotal)
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner
 def _face(z, row, k, o, other, here):
     """Order k of H³ (Q[other] - Q[here])."""
     total = splat(0.0)
@@ -194,7 +194,7 @@ def _face(z, row, k, o, other, here):
     return total
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner
 def _face_tangent(z, row, k, o, other, here):
     t = _ROWS * _K
     total = splat(0.0)
@@ -206,7 +206,7 @@ def _face_tangent(z, row, k, o, other, here):
     return total
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _gas_order(film, z, up_q, k, part):
     """Order k + 1 of S from the fluxes of order k; ``part`` 0 the state, 1 the tangent."""
     mp, columns = film.padded, film.columns
@@ -245,7 +245,7 @@ def _gas_order(film, z, up_q, k, part):
             vstore(z[t + _S * _K + k + 1], o, total_v * (1.0 / (k + 1)))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy", _nrt=True)  # allocates its short series
 def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
     """One step of differential transformation of order :data:`DTM_ORDER`; same interface as ``rodas_step``."""
     film, rotor = system

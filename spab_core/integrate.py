@@ -34,7 +34,7 @@ from spab_core.kernels import (
 )
 from spab_core.linear import linearise, solve
 from spab_core.rotor import ROTOR_STATES
-from spab_core.simd import WIDTH, aligned_zeros, splat, vload, vstore, vsum
+from spab_core.simd import WIDTH, aligned_zeros, inner, kernel, splat, vload, vstore, vsum
 
 METHODS = ("rodas", "dtm")
 REVOLUTION = 2.0 * math.pi
@@ -166,7 +166,7 @@ def build_memory(film: Film, method: str = "rodas") -> Memory:
     return Memory(build_work(film), stages, build_series(film, METHODS.index(method)), state, tangent, np.zeros(5))
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner
 def _combine(base, stages, first, count, weights, out):
     """out = base + sum of weights[k] stages[first + k]."""
     for k in range(0, out.size, WIDTH):
@@ -177,7 +177,7 @@ def _combine(base, stages, first, count, weights, out):
         vstore(out, k, total)
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner
 def _right_side(stages, first, count, weights, scale, change, out):
     """out = gamma (scale change + sum of weights[k] stages[first + k])."""
     for k in range(0, out.size, WIDTH):
@@ -188,7 +188,7 @@ def _right_side(stages, first, count, weights, scale, change, out):
         vstore(out, k, total * _GAMMA)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def rodas_step(system, work, stages, series, t, h, u, v, with_tangent):
     """One RODAS4 step of state and tangent.
 
@@ -233,7 +233,7 @@ def rodas_step(system, work, stages, series, t, h, u, v, with_tangent):
     return error
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _hermite(a, b, da, db, s, h):
     """Cubic through values and slopes at the ends of a step, at the fraction s: value and derivative."""
     d = b - a
@@ -241,7 +241,7 @@ def _hermite(a, b, da, db, s, h):
     return a + s * (h * da + s * (c2 + s * c3)), da + s * (2.0 * c2 + 3.0 * s * c3) / h
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def observe(u, new, h, row, record):
     """Contact time, largest eccentricity and touchdown within one step, from its cubic interpolant."""
     n = u.size - ROTOR_STATES
@@ -259,7 +259,7 @@ def observe(u, new, h, row, record):
     return touchdown
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def sample(u, new, t, h, start, spacing, row, record):
     """Fill the path samples that fall into the step [t, t + h)."""
     n = u.size - ROTOR_STATES
@@ -273,7 +273,7 @@ def sample(u, new, t, h, start, spacing, row, record):
         k += 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def advance(system, memory, options, first, revolutions, record):
     """Integrate whole revolutions from the state and tangent in ``memory``, in place.
 
@@ -343,7 +343,8 @@ def advance(system, memory, options, first, revolutions, record):
             touchdown = observe(u, new, h, row, record)
             if samples > 0:
                 sample(u, new, t, h, start, options.period / samples, row, record)
-            u[:] = new
+            for k in range(0, u.size, WIDTH):
+                vstore(u, k, vload(new, k))
             t = end if h == remaining else t + h
             if touchdown:
                 return TOUCHDOWN, row

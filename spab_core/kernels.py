@@ -12,11 +12,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
-
 from spab_core.film import Film, film_size
 from spab_core.rotor import ROTOR_STATES
-from spab_core.simd import WIDTH, aligned_zeros, splat, vload, vmin, vstore, vsum
+from spab_core.simd import WIDTH, aligned_zeros, kernel, splat, vload, vmin, vstore, vsum
 
 CENTRE = 1e-9  # below this eccentricity the direction of the contact force has no meaning; the force is left out
 
@@ -25,9 +23,9 @@ class Work(NamedTuple):
     """Scratch memory of one trajectory (all float64).
 
     ``y``, ``p`` hold 1/H and P at the point of linearisation and ``q``, ``dq`` its Q and the derivative along the tangent;
-    ``tq``, ``tdq`` are the same of a stage. ``by_gas`` to ``by_gap2`` and ``push`` to ``bend_y`` belong to
-    :func:`prepare_curvature`. ``inverse``, ``fill``, ``row`` are the blocks of the factorised film matrix, ``lower``,
-    ``upper`` its couplings around, ``border`` its two columns for the journal position and ``small`` the 2 x 2 remainder
+    ``tq``, ``tdq`` are the same of a stage. ``by_gas`` is dQ/dS; ``by_gas2`` to ``by_gap2`` and ``push`` to ``bend_y`` belong to
+    :func:`prepare_curvature`. ``diagonal``, ``over``, ``under`` are the film matrix within a column, ``lower``, ``upper`` its
+    couplings around, ``inverse``, ``fill``, ``row`` the blocks of its elimination, ``border`` its two columns for the journal position and ``small`` the 2 x 2 remainder
     for the journal's velocity and other single numbers.
     """
 
@@ -49,6 +47,9 @@ class Work(NamedTuple):
     below: np.ndarray
     bend_x: np.ndarray
     bend_y: np.ndarray
+    diagonal: np.ndarray
+    over: np.ndarray
+    under: np.ndarray
     inverse: np.ndarray
     fill: np.ndarray
     row: np.ndarray
@@ -72,12 +73,12 @@ def build_work(film: Film) -> Work:
     return work
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _ramp(rotor, t):
     return min(t / rotor.ramp, 1.0) if rotor.ramp > 0.0 else 1.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def contact(rotor, x, y, vx, vy, a, b):
     """rotor.contact_force with its derivatives along ``a`` and ``b`` (x, y, vx, vy) and the mixed second one.
 
@@ -112,7 +113,7 @@ def contact(rotor, x, y, vx, vy, a, b):
             -sab * y - sa * b[1] - sb * a[1] - mu * (dab * x + da * b[0] + db * a[0]))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _rotor_linear(rotor, n, u, fx, fy, out):
     """The linear part of rotor.rotor_slope, with (fx, fy) the sum of film and contact forces."""
     dx, dy = u[n + 2] - u[n], u[n + 3] - u[n + 1]
@@ -123,7 +124,7 @@ def _rotor_linear(rotor, n, u, fx, fy, out):
     out[n + 7] = -rotor.coupling_disc * dy
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _load(rotor, n, t, out):
     """Add unbalance and gravity, both ramped."""
     ramp = _ramp(rotor, t)
@@ -134,7 +135,7 @@ def _load(rotor, n, t, out):
     out[n + 7] += rotor.unbalance_disc * s - ramp * rotor.gravity_disc
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def time_slope(system, t, out):
     """Partial derivative of the slope with respect to tau: unbalance, and the ramp while it lasts."""
     film, rotor = system
@@ -150,7 +151,7 @@ def time_slope(system, t, out):
     out[n + 7] = rotor.unbalance_disc * s - rate * rotor.gravity_disc
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def slope(system, t, u, work, out):
     """film.film_slope, film.film_force and rotor.rotor_slope. False where the journal is outside the clearance."""
     film, rotor = system
@@ -198,7 +199,7 @@ def slope(system, t, u, work, out):
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def slope_tangent(system, t, u, v, work, out, out_v):
     """:func:`slope` at ``u`` and its derivative along ``v``, in one pass over memory."""
     film, rotor = system
@@ -267,7 +268,7 @@ def slope_tangent(system, t, u, v, work, out, out_v):
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def prepare_curvature(system, u, v, work):
     """Form the derivative of the Jacobian along ``v`` at the point of linearisation ``u``, for :func:`add_curvature`.
 
@@ -290,10 +291,9 @@ def prepare_curvature(system, u, v, work):
             centre, inverse, p = vload(film.cos_centre, i), vload(work.y, j * mp + i), vload(work.p, j * mp + i)
             turn = centre * inverse  # -dH/H of a unit displacement towards the column
             vp = vload(v, j * mp + i) * inverse + p * turn * vg
-            first = 2.0 * p * inverse
+            first = vload(a, o)
             second = 2.0 * inverse * (vp + p * turn * vg)
             vstore(dq, o, (p + p) * vp)
-            vstore(a, o, first)
             vstore(e, o, second)
             vstore(b, o, first * p * centre)
             vstore(f, o, (second * p + first * vp) * centre)
@@ -346,7 +346,7 @@ def prepare_curvature(system, u, v, work):
             west, west_x, west_y = east, east_x, east_y
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_curvature(system, u, v, w, scale, work, out):
     """out += scale * d²f(u)[v, w], the second derivative of the slope, after :func:`prepare_curvature` for ``v``."""
     film, rotor = system
@@ -378,7 +378,7 @@ def add_curvature(system, u, v, w, scale, work, out):
     out[n + 5] += scale * rotor.inverse_mass * (vsum(fy) - gy + c[7])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def error_norm(system, work, new, error):
     """Size of a step's error: the worst of journal and disc position (over C), velocity (over 1 + speed) and film (rms)."""
     film, _ = system

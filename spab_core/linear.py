@@ -8,15 +8,13 @@ an M-matrix plus a skew part.
 
 from __future__ import annotations
 
-from numba import njit
-
 from spab_core.kernels import contact
-from spab_core.simd import WIDTH, invert_two, splat, spread, vload, vstore, vsum
+from spab_core.simd import WIDTH, inner, invert_two, kernel, splat, spread, vload, vstore, vsum
 
 NEGLIGIBLE = 1e-11  # couplings dropped in the elimination, relative to the unit matrix
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner
 def _pivot(b, o, k, m, eye):
     """Step k of Gauss-Jordan inversion in place of the m x m block at b[o:], no pivoting."""
     ok = o + k * m
@@ -32,14 +30,14 @@ def _pivot(b, o, k, m, eye):
         vstore(b, ok + v, vload(b, ok + v) - vload(eye, (k + 1) * m + v))
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner
 def _columns(a, oa):
     """The eight columns of an 8 x 8 block: held in registers, which stores to other blocks would otherwise forbid."""
     return (vload(a, oa), vload(a, oa + 8), vload(a, oa + 16), vload(a, oa + 24), vload(a, oa + 32), vload(a, oa + 40),
             vload(a, oa + 48), vload(a, oa + 56))
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner
 def _times(a, x, ox):
     """An 8 x 8 block, as :func:`_columns`, times the vector at x[ox:]."""
     even = a[0] * spread(x, ox) + a[2] * spread(x, ox + 2) + a[4] * spread(x, ox + 4) + a[6] * spread(x, ox + 6)
@@ -47,7 +45,7 @@ def _times(a, x, ox):
     return even + odd
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner
 def _multiply(a, oa, b, ob, c, oc, m):
     """c = a b for m x m blocks stored by columns."""
     if m == WIDTH:
@@ -63,7 +61,7 @@ def _multiply(a, oa, b, ob, c, oc, m):
             vstore(c, oc + col * m + v, total)
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner
 def _apply(a, oa, x, ox, v, m):
     """Eight rows, from v on, of the product of the block at a[oa:] and the vector at x[ox:]; two sums for latency."""
     even, odd = vload(a, oa + v) * spread(x, ox), vload(a, oa + m + v) * spread(x, ox + 1)
@@ -73,7 +71,7 @@ def _apply(a, oa, x, ox, v, m):
     return even + odd
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner
 def _film_per_displacement(film, work, x, y, dx, dy, out, o):
     """out[o:] = J_SX (dx, dy): the film's slope per journal displacement at the point of linearisation."""
     mp, columns = film.padded, film.columns
@@ -110,12 +108,12 @@ def _film_per_displacement(film, work, x, y, dx, dy, out, o):
             west = east
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner
 def _assemble(film, work, x, y, step):
-    """Blocks of I - step J_SS: diagonal blocks in ``inverse``, couplings west and east in ``lower`` and ``upper``."""
+    """The entries of I - step J_SS: tridiagonal blocks in ``diagonal``, ``over``, ``under``, couplings in ``lower``, ``upper``."""
     mp, columns = film.padded, film.columns
-    last = columns - 1
-    t = work.scratch
+    stride, last = mp + WIDTH, film.columns - 1
+    s = work.by_gas  # dQ/dS
     for j in range(columns):
         je, jw = (j + 1 if j < last else 0), (j - 1 if j > 0 else last)
         g = x * film.cos[j] + y * film.sin[j]
@@ -132,28 +130,37 @@ def _assemble(film, work, x, y, step):
             up = step * vload(film.flux_up, i) * (h * h * h)
             h = 1.0 - vload(film.cos_down, i) * g
             down = step * vload(film.flux_down, i) * (h * h * h)
-            s, se, sw = j * mp + i, je * mp + i, jw * mp + i
-            slope_here = 2.0 * vload(work.p, s) * vload(work.y, s)  # dQ/dS
-            vstore(work.upper, s, couette - east * (2.0 * vload(work.p, se) * vload(work.y, se)))
-            vstore(work.lower, s, -1.0 * couette - west * (2.0 * vload(work.p, sw) * vload(work.y, sw)))
-            vstore(t, i, slope_here)
+            o, k = WIDTH + j * stride + i, j * mp + i
+            vstore(work.upper, k, couette - east * vload(s, WIDTH + je * stride + i))
+            vstore(work.lower, k, -1.0 * couette - west * vload(s, WIDTH + jw * stride + i))
             here = up + down + east + west + step * vload(film.feed, i)
-            for k in range(mp):  # column k: its own cell, and what it sends to the cells below and above
-                unit = k * mp + i
-                own, below, above = vload(film.eye, unit + mp), vload(film.eye, unit), vload(film.eye, unit + 2 * mp)
-                vstore(work.inverse, (j * mp + k) * mp + i, own * here - below * up - above * down)
-        for i in range(0, mp, WIDTH):
-            for k in range(mp):
-                o = (j * mp + k) * mp + i
-                vstore(work.inverse, o, vload(film.eye, (k + 1) * mp + i) + vload(work.inverse, o) * spread(t, k))
+            vstore(work.diagonal, k, 1.0 + here * vload(s, o))
+            vstore(work.over, k, -1.0 * up * vload(s, o + 1))
+            vstore(work.under, k, -1.0 * down * vload(s, o - 1))
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner
+def _block_column(film, work, j, c, v, m):
+    """Eight rows, from v on, of column c of the tridiagonal block j."""
+    unit, k = c * m + v, j * m + v
+    return (vload(film.eye, unit + m) * vload(work.diagonal, k) + vload(film.eye, unit) * vload(work.over, k)
+            + vload(film.eye, unit + 2 * m) * vload(work.under, k))
+
+
+@inner
+def _form(film, work, j, m):
+    """Write the tridiagonal block j."""
+    for v in range(0, m, WIDTH):
+        for c in range(m):
+            vstore(work.inverse, (j * m + c) * m + v, _block_column(film, work, j, c, v, m))
+
+
+@inner
 def _eliminate(film, work, j, target, towards, back, coupled, fresh, m):
     """Eliminate column j (its block is inverted already) from the column ``target`` and, while ``coupled``, from the last one.
 
     ``towards`` couples column j to ``target``, ``back`` the other way. A negative target: the last column only. ``fresh``:
-    the target has no coupling to the last column yet. Returns whether the target's coupling to the last column matters.
+    the target's block is not formed yet, and it has no coupling to the last column. Returns whether the target's coupling to the last column matters.
     """
     size = m * m
     d, fill, row = work.inverse, work.fill, work.row
@@ -163,7 +170,8 @@ def _eliminate(film, work, j, target, towards, back, coupled, fresh, m):
             b = vload(back, target * m + v)
             for c in range(m):
                 k = c * m + v
-                vstore(d, t + k, vload(d, t + k) - b * vload(d, o + k) * spread(towards, j * m + c))
+                block = _block_column(film, work, target, c, v, m) if fresh else vload(d, t + k)
+                vstore(d, t + k, block - b * vload(d, o + k) * spread(towards, j * m + c))
     if not coupled:
         return False
     # D^-1 fill, built in the free slot of the separator and copied back
@@ -196,7 +204,7 @@ def _eliminate(film, work, j, target, towards, back, coupled, fresh, m):
     return vsum(total) > NEGLIGIBLE**2
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner
 def _factorise_blocks(film, work, m):
     """Eliminate the columns from both ends of the ring towards its middle: two chains, so that one hides the other's latency.
 
@@ -208,10 +216,11 @@ def _factorise_blocks(film, work, m):
     middle = chain // 2
     d, lower, upper = work.inverse, work.lower, work.upper
     end = (chain - 1) * size
-    for k in range(0, size, WIDTH):
-        for o in (0, middle * size, end):
-            vstore(work.fill, o + k, splat(0.0))
-            vstore(work.row, o + k, splat(0.0))
+    for j in (0, middle, chain - 1, chain):
+        _form(film, work, j, m)
+        for k in range(0, size if j < chain else 0, WIDTH):
+            vstore(work.fill, j * size + k, splat(0.0))
+            vstore(work.row, j * size + k, splat(0.0))
     for i in range(m):
         work.fill[i * m + i] = lower[i]
         work.row[i * m + i] = upper[chain * m + i]
@@ -244,7 +253,7 @@ def _factorise_blocks(film, work, m):
     work.small[14], work.small[15], work.small[16] = count_first, count_second, 1.0 if centre else 0.0
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner
 def _factorise(film, work):
     # the constant lets the compiler unroll the blocks of eight latitudes or fewer
     if film.padded == WIDTH:
@@ -253,7 +262,7 @@ def _factorise(film, work):
         _factorise_blocks(film, work, film.padded)
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner
 def _solve_blocks(film, work, r, o, m):
     """Solve the film part in place for the right-hand side at r[o:], from both ends like the elimination."""
     chain, size = film.columns - 1, m * m
@@ -314,7 +323,7 @@ def _solve_blocks(film, work, r, o, m):
                     vstore(r, there + v, vload(t, m + v))
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner
 def _solve_film(film, work, r, o):
     if film.padded == WIDTH:
         _solve_blocks(film, work, r, o, WIDTH)
@@ -322,7 +331,7 @@ def _solve_film(film, work, r, o):
         _solve_blocks(film, work, r, o, film.padded)
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inner
 def _force_of(film, work, r, o):
     """Force of the film per change of gas content: F_S . r[o:]."""
     mp = film.padded
@@ -334,7 +343,7 @@ def _force_of(film, work, r, o):
     return vsum(fx), vsum(fy)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def linearise(system, step, u, work):
     """Form and factorise I - step J at ``u``. False where the journal is outside the clearance."""
     film, rotor = system
@@ -355,6 +364,7 @@ def linearise(system, step, u, work):
             vstore(work.y, j * mp + i, inverse)
             vstore(work.p, j * mp + i, p)
             vstore(work.q, WIDTH + j * stride + i, p * p)
+            vstore(work.by_gas, WIDTH + j * stride + i, 2.0 * p * inverse)
             push = push + vload(film.weight, i) * (p * inverse) * centre
         total = vsum(push)
         fxx, fxy, fyx, fyy = fxx - total * c * c, fxy - total * c * s, fyx - total * s * c, fyy - total * s * s
@@ -384,7 +394,7 @@ def linearise(system, step, u, work):
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def solve(system, work, r):
     """Solve (I - step J) x = r in place, after :func:`linearise`."""
     film, rotor = system

@@ -5,6 +5,7 @@ they name their vectors. Values of type ``f64x8`` support ``+ - * /`` among them
 reached with :func:`vload` and :func:`vstore`. LLVM maps them to one AVX-512, two AVX2 or four SSE/NEON registers.
 """
 
+import functools
 import operator
 
 import numpy as np
@@ -14,6 +15,11 @@ from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
 WIDTH = 8
+
+# Kernels pass tuples of some fifty arrays to each other: counting references of each, atomically, would cost as much as the
+# arithmetic. They allocate nothing, so numba's runtime stays out; numpy's rules for division keep tests out of the loops.
+kernel = functools.partial(njit, cache=True, nogil=True, error_model="numpy", _nrt=False)
+inner = functools.partial(kernel, forceinline=True)
 _VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
 
 
@@ -216,4 +222,4 @@ def aligned_zeros(n):
     return raw[start:start + n]
 
 
-__all__ = ["WIDTH", "aligned_zeros", "f64x8", "invert_two", "njit", "splat", "spread", "vload", "vmin", "vstore", "vsum"]
+__all__ = ["WIDTH", "aligned_zeros", "f64x8", "inner", "invert_two", "kernel", "splat", "spread", "vload", "vmin", "vstore", "vsum"]
