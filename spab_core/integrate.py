@@ -213,12 +213,11 @@ def rodas_step(system, work, stages, series, t, h, u, v, with_tangent):
         _right_side(stages, 0, i, _C[i], h, du, right)
         for k in range(0, right.size, WIDTH):
             vstore(right, k, vload(right, k) + vload(rate, k) * (_GAMMA * h * h * _GAMMA_I[i]))
-        solve(system, work, right)
-        if with_tangent:
-            right_v = stages[6 + i]
-            _right_side(stages, 6, i, _C[i], h, dv, right_v)
-            add_curvature(system, u, v, right, _GAMMA * h, work, right_v)
-            solve(system, work, right_v)
+        for part in range(2 if with_tangent else 1):
+            if part == 1:
+                _right_side(stages, 6, i, _C[i], h, dv, stages[6 + i])
+                add_curvature(system, u, v, right, _GAMMA * h, work, stages[6 + i])
+            solve(system, work, stages[6 * part + i])
     size, wrong = splat(0.0), splat(0.0)
     for k in range(0, new.size, WIDTH):
         vstore(new, k, vload(new, k) + vload(stages[5], k))

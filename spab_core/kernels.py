@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from spab_core.film import Film, film_size
 from spab_core.rotor import ROTOR_STATES
-from spab_core.simd import WIDTH, aligned_zeros, kernel, splat, vload, vmin, vstore, vsum
+from spab_core.simd import WIDTH, aligned_zeros, inner, kernel, splat, vload, vmin, vstore, vsum
 
 CENTRE = 1e-9  # below this eccentricity the direction of the contact force has no meaning; the force is left out
 
@@ -25,7 +25,7 @@ class Work(NamedTuple):
     ``y``, ``p`` hold 1/H and P at the point of linearisation and ``q``, ``dq`` its Q and the derivative along the tangent;
     ``tq``, ``tdq`` are the same of a stage. ``by_gas`` is dQ/dS; ``by_gas2`` to ``by_gap2`` and ``push`` to ``bend_y`` belong to
     :func:`prepare_curvature`. ``diagonal``, ``over``, ``under`` are the film matrix within a column, ``lower``, ``upper`` its
-    couplings around, ``inverse``, ``fill``, ``row`` the blocks of its elimination, ``border`` its two columns for the journal position and ``small`` the 2 x 2 remainder
+    couplings around, ``inverse``, ``fill`` the blocks of its elimination, ``border`` its two columns for the journal position and ``small`` the 2 x 2 remainder
     for the journal's velocity and other single numbers.
     """
 
@@ -52,7 +52,6 @@ class Work(NamedTuple):
     under: np.ndarray
     inverse: np.ndarray
     fill: np.ndarray
-    row: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
     border: np.ndarray
@@ -65,7 +64,7 @@ def build_work(film: Film) -> Work:
     n, blocks = film_size(film), film.columns * film.padded**2
     ghosted = film.columns * (film.padded + WIDTH) + 2 * WIDTH
     sizes = dict.fromkeys(("q", "tq", "dq", "tdq", "by_gas", "by_gas2", "by_gap", "by_gap2"), ghosted)
-    sizes |= {"inverse": blocks, "fill": blocks, "row": blocks,
+    sizes |= {"inverse": blocks, "fill": blocks,
              "border": 2 * (n + ROTOR_STATES), "scratch": 6 * film.padded, "small": 32}
     work = Work(*(aligned_zeros(sizes.get(name, n)) for name in Work._fields))
     for q in (work.q, work.tq):
@@ -151,7 +150,7 @@ def time_slope(system, t, out):
     out[n + 7] = rotor.unbalance_disc * s - rate * rotor.gravity_disc
 
 
-@kernel
+@inner
 def slope(system, t, u, work, out):
     """film.film_slope, film.film_force and rotor.rotor_slope. False where the journal is outside the clearance."""
     film, rotor = system
@@ -199,7 +198,7 @@ def slope(system, t, u, work, out):
     return True
 
 
-@kernel
+@inner
 def slope_tangent(system, t, u, v, work, out, out_v):
     """:func:`slope` at ``u`` and its derivative along ``v``, in one pass over memory."""
     film, rotor = system
@@ -268,7 +267,7 @@ def slope_tangent(system, t, u, v, work, out, out_v):
     return True
 
 
-@kernel
+@inner
 def prepare_curvature(system, u, v, work):
     """Form the derivative of the Jacobian along ``v`` at the point of linearisation ``u``, for :func:`add_curvature`.
 
@@ -346,7 +345,7 @@ def prepare_curvature(system, u, v, work):
             west, west_x, west_y = east, east_x, east_y
 
 
-@kernel
+@inner
 def add_curvature(system, u, v, w, scale, work, out):
     """out += scale * d²f(u)[v, w], the second derivative of the slope, after :func:`prepare_curvature` for ``v``."""
     film, rotor = system

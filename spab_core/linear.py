@@ -157,99 +157,121 @@ def _form(film, work, j, m):
 
 @inner
 def _eliminate(film, work, j, target, towards, back, coupled, fresh, m):
-    """Eliminate column j (its block is inverted already) from the column ``target`` and, while ``coupled``, from the last one.
+    """Eliminate column j (its block is inverted already) from the column ``target``, with its coupling to the last column.
 
-    ``towards`` couples column j to ``target``, ``back`` the other way. A negative target: the last column only. ``fresh``:
-    the target's block is not formed yet, and it has no coupling to the last column. Returns whether the target's coupling to the last column matters.
+    ``towards`` couples column j to ``target``, ``back`` the other way. ``fresh``: the target's block is not formed yet, and it
+    has no coupling to the last column. Returns whether the target's coupling to the last column matters.
     """
     size = m * m
-    d, fill, row = work.inverse, work.fill, work.row
-    o, t, separator = j * size, target * size, (film.columns - 1) * size
-    if target >= 0:
-        for v in range(0, m, WIDTH):
-            b = vload(back, target * m + v)
-            for c in range(m):
-                k = c * m + v
-                block = _block_column(film, work, target, c, v, m) if fresh else vload(d, t + k)
-                vstore(d, t + k, block - b * vload(d, o + k) * spread(towards, j * m + c))
+    d, fill = work.inverse, work.fill
+    o, t, free = j * size, target * size, (film.columns - 1) * size
+    for v in range(0, m, WIDTH):
+        b = vload(back, target * m + v)
+        for c in range(m):
+            k = c * m + v
+            block = _block_column(film, work, target, c, v, m) if fresh else vload(d, t + k)
+            vstore(d, t + k, block - b * vload(d, o + k) * spread(towards, j * m + c))
     if not coupled:
         return False
-    # D^-1 fill, built in the free slot of the separator and copied back
-    _multiply(d, o, fill, o, fill, separator, m)
-    for k in range(0, size, WIDTH):
-        vstore(fill, o + k, vload(fill, separator + k))
-    if m == WIDTH:
-        block = _columns(row, o)
-        for c in range(m):
-            vstore(d, separator + c * m, vload(d, separator + c * m) - _times(block, fill, o + c * m))
-    for v in range(0, m if m > WIDTH else 0, WIDTH):
-        for c in range(m):
-            total = vload(d, separator + c * m + v)
-            for k in range(m):
-                total = total - vload(row, o + k * m + v) * spread(fill, o + c * m + k)
-            vstore(d, separator + c * m + v, total)
-    if target < 0:
-        return False
-    _multiply(row, o, d, o, row, separator, m)
+    _multiply(d, o, fill, o, fill, free, m)
     keep = 0.0 if fresh else 1.0
     total = splat(0.0)
     for v in range(0, m, WIDTH):
         b = vload(back, target * m + v)
         for c in range(m):
             k = c * m + v
-            below, beside = b * vload(fill, o + k), vload(row, separator + k) * spread(towards, j * m + c)
-            total = total + below * below + beside * beside
-            vstore(fill, t + k, keep * vload(fill, t + k) - below)
-            vstore(row, t + k, keep * vload(row, t + k) - beside)
+            own = vload(fill, free + k)
+            vstore(fill, o + k, own)
+            passed = b * own
+            total = total + passed * passed
+            vstore(fill, t + k, keep * vload(fill, t + k) - passed)
     return vsum(total) > NEGLIGIBLE**2
 
 
 @inner
-def _factorise_blocks(film, work, m):
-    """Eliminate the columns from both ends of the ring towards its middle: two chains, so that one hides the other's latency.
+def _back_fill(work, j, source, towards, m):
+    """fill[j] -= D[j]^-1 diag(towards[j]) fill[source]."""
+    size = m * m
+    d, fill, t = work.inverse, work.fill, work.scratch
+    o, s = j * size, source * size
+    if m == WIDTH:
+        a, w = _columns(d, o), j * m
+        scaled = (a[0] * spread(towards, w), a[1] * spread(towards, w + 1), a[2] * spread(towards, w + 2),
+                  a[3] * spread(towards, w + 3), a[4] * spread(towards, w + 4), a[5] * spread(towards, w + 5),
+                  a[6] * spread(towards, w + 6), a[7] * spread(towards, w + 7))
+        for c in range(m):
+            vstore(fill, o + c * m, vload(fill, o + c * m) - _times(scaled, fill, s + c * m))
+    for c in range(m if m > WIDTH else 0):
+        for v in range(0, m, WIDTH):
+            vstore(t, v, vload(towards, j * m + v) * vload(fill, s + c * m + v))
+        for v in range(0, m, WIDTH):
+            vstore(fill, o + c * m + v, vload(fill, o + c * m + v) - _apply(d, o, t, 0, v, m))
 
-    ``fill`` couples each column to the last one, the separator; ``row`` the separator to each. Both decay from column to
-    column (a disturbance of the film diffuses a few columns far in one step); where they fall below :data:`NEGLIGIBLE`
-    they are dropped. ``small`` keeps how many columns of each chain, and whether the middle one, stay coupled.
+
+@inner
+def _invert(film, work, j, other, m):
+    """Invert the blocks j and other, which may be the same."""
+    d, size = work.inverse, m * m
+    if m == WIDTH:
+        invert_two(d, j * size, other * size)
+    for k in range(m if m > WIDTH else 0):
+        _pivot(d, j * size, k, m, film.eye)
+        if other != j:
+            _pivot(d, other * size, k, m, film.eye)
+
+
+@inner
+def _factorise_blocks(film, work, m):
+    """Factorise the ring: a chain of columns, and the last column as its separator.
+
+    The chain is eliminated from both ends towards its middle, two columns at a time, so that one hides the other's latency.
+    ``fill`` becomes what each column answers to the separator. It decays from column to column (gas diffuses a few columns
+    far in one step); where it falls below :data:`NEGLIGIBLE` it is dropped. ``small`` keeps how many columns at each end,
+    and whether the middle one, answer.
     """
     chain, size = film.columns - 1, m * m
     middle = chain // 2
-    d, lower, upper = work.inverse, work.lower, work.upper
-    end = (chain - 1) * size
+    d, fill, lower, upper = work.inverse, work.fill, work.lower, work.upper
     for j in (0, middle, chain - 1, chain):
         _form(film, work, j, m)
-        for k in range(0, size if j < chain else 0, WIDTH):
-            vstore(work.fill, j * size + k, splat(0.0))
-            vstore(work.row, j * size + k, splat(0.0))
+        for k in range(0, size, WIDTH):
+            vstore(fill, j * size + k, splat(0.0))
+    end = (chain - 1) * size
     for i in range(m):
-        work.fill[i * m + i] = lower[i]
-        work.row[i * m + i] = upper[chain * m + i]
-        work.fill[end + i * m + i] = upper[(chain - 1) * m + i]
-        work.row[end + i * m + i] = lower[chain * m + i]
+        fill[i * m + i] = lower[i]
+        fill[end + i * m + i] = upper[(chain - 1) * m + i]
     first, second, centre = True, True, False
     count_first, count_second = 0, 0
-    for step in range(middle + 2):
-        j, other = (step, chain - 1 - step) if step <= middle else (chain, -1)  # the separator comes last
+    for j in range(middle + 1):
+        other = chain - 1 - j
         pair = other > middle
-        if m == WIDTH:
-            invert_two(d, j * size, (other if pair else j) * size)
-        else:
-            for k in range(m):
-                _pivot(d, j * size, k, m, film.eye)
-                if pair:
-                    _pivot(d, other * size, k, m, film.eye)
-        if step > middle:
-            break
-        if j == middle:
-            _eliminate(film, work, j, -1, upper, lower, centre, False, m)
-            continue
-        count_first += first
-        first = _eliminate(film, work, j, j + 1, upper, lower, first, j + 1 < middle, m)
-        centre = centre or (first and j + 1 == middle)
+        _invert(film, work, j, other if pair else j, m)
+        if j < middle:
+            count_first += first
+            first = _eliminate(film, work, j, j + 1, upper, lower, first, j + 1 < middle, m)
+            centre = centre or (first and j + 1 == middle)
         if pair:
             count_second += second
             second = _eliminate(film, work, other, other - 1, lower, upper, second, other - 1 > middle, m)
             centre = centre or (second and other - 1 == middle)
+    if centre:
+        free = chain * size
+        _multiply(d, middle * size, fill, middle * size, fill, free, m)
+        for k in range(0, size, WIDTH):
+            vstore(fill, middle * size + k, vload(fill, free + k))
+    for j in range(count_first - 1, -1, -1):
+        if j + 1 < count_first or (j + 1 == middle and centre):
+            _back_fill(work, j, j + 1, upper, m)
+    for k in range(count_second - 1, -1, -1):
+        other = chain - 1 - k
+        if k + 1 < count_second or (other - 1 == middle and centre):
+            _back_fill(work, other, other - 1, lower, m)
+    for v in range(0, m, WIDTH):
+        west, east = vload(lower, chain * m + v), vload(upper, chain * m + v)
+        for c in range(m):
+            k = c * m + v
+            vstore(d, chain * size + k, vload(d, chain * size + k) - west * vload(fill, end + k) - east * vload(fill, k))
+    _invert(film, work, chain, chain, m)
     work.small[14], work.small[15], work.small[16] = count_first, count_second, 1.0 if centre else 0.0
 
 
@@ -264,63 +286,50 @@ def _factorise(film, work):
 
 @inner
 def _solve_blocks(film, work, r, o, m):
-    """Solve the film part in place for the right-hand side at r[o:], from both ends like the elimination."""
+    """Solve the film part in place for the right-hand side at r[o:]: the chain alone, the separator, the chain's answer to it."""
     chain, size = film.columns - 1, m * m
     middle = chain // 2
     first, second, centre = int(work.small[14]), int(work.small[15]), work.small[16] > 0.0
-    d, fill, row, lower, upper = work.inverse, work.fill, work.row, work.lower, work.upper
+    d, fill, lower, upper = work.inverse, work.fill, work.lower, work.upper
     t, last = work.scratch, o + chain * m
-    for j in range(middle + 1):
+    for j in range(middle):
         other = chain - 1 - j
         for v in range(0, m, WIDTH):
-            product = _apply(d, j * size, r, o + j * m, v, m)
-            vstore(t, v, product)
-            if j < middle:
-                k = (j + 1) * m + v
-                vstore(r, o + k, vload(r, o + k) - vload(lower, k) * product)
+            k = (j + 1) * m + v
+            vstore(r, o + k, vload(r, o + k) - vload(lower, k) * _apply(d, j * size, r, o + j * m, v, m))
         if other > middle:
             for v in range(0, m, WIDTH):
-                product = _apply(d, other * size, r, o + other * m, v, m)
-                vstore(t, m + v, product)
                 k = (other - 1) * m + v
-                vstore(r, o + k, vload(r, o + k) - vload(upper, k) * product)
-        if j < first or (j == middle and centre):
-            for v in range(0, m, WIDTH):
-                vstore(r, last + v, vload(r, last + v) - _apply(row, j * size, t, 0, v, m))
-        if j < second:
-            for v in range(0, m, WIDTH):
-                vstore(r, last + v, vload(r, last + v) - _apply(row, other * size, t, m, v, m))
-    for v in range(0, m, WIDTH):
-        vstore(t, v, _apply(d, chain * size, r, last, v, m))
-    for v in range(0, m, WIDTH):
-        vstore(r, last + v, vload(t, v))
+                vstore(r, o + k, vload(r, o + k) - vload(upper, k) * _apply(d, other * size, r, o + other * m, v, m))
     for step in range(middle + 1):
         j, other = middle - step, middle + step
         here, there = o + j * m, o + other * m
         pair = 0 < step and other < chain
-        if step > 0:
-            for v in range(0, m, WIDTH):
+        for v in range(0, m, WIDTH):
+            if step > 0:
                 vstore(r, here + v, vload(r, here + v) - vload(upper, j * m + v) * vload(r, here + m + v))
+            if pair:
+                vstore(r, there + v, vload(r, there + v) - vload(lower, other * m + v) * vload(r, there - m + v))
         for v in range(0, m, WIDTH):
             vstore(t, v, _apply(d, j * size, r, here, v, m))
-        if pair:
-            for v in range(0, m, WIDTH):
-                vstore(r, there + v, vload(r, there + v) - vload(lower, other * m + v) * vload(r, there - m + v))
-            for v in range(0, m, WIDTH):
+            if pair:
                 vstore(t, m + v, _apply(d, other * size, r, there, v, m))
-        if j < first or (step == 0 and centre):
+        for v in range(0, m, WIDTH):
+            vstore(r, here + v, vload(t, v))
+            if pair:
+                vstore(r, there + v, vload(t, m + v))
+    for v in range(0, m, WIDTH):
+        k = chain * m + v
+        vstore(r, o + k, vload(r, o + k) - vload(lower, k) * vload(r, last - m + v) - vload(upper, k) * vload(r, o + v))
+    for v in range(0, m, WIDTH):
+        vstore(t, v, _apply(d, chain * size, r, last, v, m))
+    for v in range(0, m, WIDTH):
+        vstore(r, last + v, vload(t, v))
+    for j in range(chain):
+        if j < first or chain - 1 - j < second or (j == middle and centre):
             for v in range(0, m, WIDTH):
-                vstore(r, here + v, vload(t, v) - _apply(fill, j * size, r, last, v, m))
-        else:
-            for v in range(0, m, WIDTH):
-                vstore(r, here + v, vload(t, v))
-        if pair:
-            if chain - 1 - other < second:
-                for v in range(0, m, WIDTH):
-                    vstore(r, there + v, vload(t, m + v) - _apply(fill, other * size, r, last, v, m))
-            else:
-                for v in range(0, m, WIDTH):
-                    vstore(r, there + v, vload(t, m + v))
+                k = o + j * m + v
+                vstore(r, k, vload(r, k) - _apply(fill, j * size, t, 0, v, m))
 
 
 @inner
@@ -343,7 +352,7 @@ def _force_of(film, work, r, o):
     return vsum(fx), vsum(fy)
 
 
-@kernel
+@inner
 def linearise(system, step, u, work):
     """Form and factorise I - step J at ``u``. False where the journal is outside the clearance."""
     film, rotor = system
@@ -394,7 +403,7 @@ def linearise(system, step, u, work):
     return True
 
 
-@kernel
+@inner
 def solve(system, work, r):
     """Solve (I - step J) x = r in place, after :func:`linearise`."""
     film, rotor = system
