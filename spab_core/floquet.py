@@ -101,12 +101,19 @@ def leading_rate(tangent: np.ndarray, growth: np.ndarray, period: int) -> float 
             sizes = np.exp(np.clip(log_size[chosen] - log_size[chosen[-1]], -300.0, 300.0))
             rows.append((tangent[chosen[:-1]] * sizes[:-1, None]).T)
             right.append(tangent[chosen[-1]])
+        # normal equations by einsum: the same bits whatever number of threads the linear algebra library takes
         a, b = np.concatenate(rows), np.concatenate(right)
-        scale = np.linalg.norm(a, axis=0)
+        scale = np.sqrt(np.einsum("ik,ik->k", a, a))
         if not (np.isfinite(scale).all() and scale.all()):
             return None
-        x = np.linalg.lstsq(a / scale, b, rcond=None)[0]
-        if np.linalg.norm((a / scale) @ x - b) < _RESIDUAL * np.linalg.norm(b):
+        a /= scale
+        gram, moment = np.einsum("ik,il->kl", a, a), np.einsum("ik,i->k", a, b)
+        try:
+            x = np.linalg.solve(gram, moment)
+        except np.linalg.LinAlgError:
+            return None
+        wrong = b - np.einsum("ik,k->i", a, x)
+        if np.einsum("i,i", wrong, wrong) < _RESIDUAL**2 * np.einsum("i,i", b, b):
             roots = np.roots(np.concatenate([[1.0], -(x / scale)[::-1]]))
             largest = float(np.abs(roots).max()) if len(roots) else 0.0
             return math.log(largest) / period if largest > 0.0 else None

@@ -48,7 +48,7 @@ STATUS_TEXT = {
     "too-many-steps": "a revolution took too many steps; try method rodas or a larger tolerance",
 }
 
-DEFAULT_TOLERANCE = 1e-3
+DEFAULT_TOLERANCE = 1.5e-3
 TANGENT_SLACK = 10.0  # how much larger than the state's the error of the unit tangent may be
 MAX_STEP = REVOLUTION / 8.0
 _MIN_STEP = 1e-10
@@ -307,12 +307,10 @@ def advance(system, memory, options, first, revolutions, record):
             natural = min(control[0], options.max_step) if control[0] > 0.0 else 0.1 * options.max_step
             if options.fixed:
                 natural = options.max_step
+            # equal steps to the end of the revolution: they meet it, and a periodic orbit meets the same steps every time
             remaining = end - t
-            h = natural
-            if h >= remaining * (1.0 - 1e-9):
-                h = remaining
-            elif h > 0.5 * remaining and not options.fixed:
-                h = 0.5 * remaining
+            count = math.ceil(remaining / natural * (1.0 - 1e-9))
+            h = remaining / count
             if options.method == 0:
                 error = rodas_step(system, memory.work, stages, memory.series, t, h, u, v, options.tangent)
             else:
@@ -338,13 +336,13 @@ def advance(system, memory, options, first, revolutions, record):
                 continue
             control[3], control[4] = h, max(size, 1e-3)
             # a step cut short to meet the end of the revolution does not shrink the next one
-            control[0] = h * factor if h >= natural * (1.0 - 1e-9) else max(natural, h * factor)
+            control[0] = h * factor if h > 0.7 * natural else max(natural, h * factor)
             touchdown = observe(u, new, h, row, record)
             if samples > 0:
                 sample(u, new, t, h, start, options.period / samples, row, record)
             for k in range(0, u.size, WIDTH):
                 vstore(u, k, vload(new, k))
-            t = end if h == remaining else t + h
+            t = end if count == 1 else t + h
             if touchdown:
                 return TOUCHDOWN, row
             if options.tangent:

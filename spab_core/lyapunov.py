@@ -36,6 +36,12 @@ class Exponent:
     standard_error: float
     trace: np.ndarray
 
+    @property
+    def late(self) -> float:
+        """Mean growth in the second half of the measurement."""
+        n, half = len(self.trace), len(self.trace) // 2
+        return float((n * self.trace[-1] - half * self.trace[half - 1]) / (n - half)) if half else self.value
+
 
 def exponent(growth: np.ndarray, settled: Settled | None = None) -> Exponent | None:
     """Mean growth with its standard error, or the leading Floquet multiplier's where the run settled on a periodic orbit.

@@ -61,7 +61,8 @@ def _settling_period(section: np.ndarray) -> int:
 def classify(section: np.ndarray, mle: Exponent) -> Regime:
     """Regime of a completed run (docs/model.md).
 
-    Chaotic where the exponent exceeds 0.01 per revolution and three standard errors; periodic-n where the section
+    Chaotic where the exponent exceeds 0.01 per revolution and three standard errors, in the second half of the measurement
+    too (on a torus the tangent grows like the time: its rate fades); periodic-n where the section
     repeats after n <= 16 revolutions, or still contracts to such a cycle with a clearly negative exponent; else
     quasi-periodic.
 
@@ -70,7 +71,7 @@ def classify(section: np.ndarray, mle: Exponent) -> Regime:
     section : ndarray, (revolutions, 8)
     mle : Exponent
     """
-    if mle.value > _CHAOS and mle.value > 3.0 * mle.standard_error:
+    if min(mle.value, mle.late) > _CHAOS and mle.value > 3.0 * mle.standard_error:
         return Regime("chaotic")
     period = section_period(section)
     if not period and mle.value < -3.0 * mle.standard_error:

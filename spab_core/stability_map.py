@@ -33,7 +33,7 @@ CHUNK_CELLS = 25
 MAX_CELLS = 2_000_000
 _FIELDS: dict[str, type | str] = {  # dtype of each cell array, in the file's order
     "mle": np.float64, "mle_standard_error": np.float64, "regime": "<U14", "period": np.int16,
-    "contact_share": np.float64, "max_eccentricity": np.float64, "status": "<U16",
+    "contact_share": np.float64, "max_eccentricity": np.float64, "status": "<U16", "revolutions": np.int32,
 }
 
 
@@ -64,6 +64,8 @@ class StabilityMap:
     contact_share, max_eccentricity : ndarray, (B, M)
     status : ndarray of str, (B, M)
         One of ``integrate.STATUS``.
+    revolutions : ndarray of int, (B, M)
+        How many were integrated: less than asked for where a run settled early, or failed.
     metadata : dict
         Design, mesh, settings, versions, date, wall seconds.
     """
@@ -77,6 +79,7 @@ class StabilityMap:
     contact_share: np.ndarray
     max_eccentricity: np.ndarray
     status: np.ndarray
+    revolutions: np.ndarray
     metadata: dict = field(default_factory=dict)
 
     @property
@@ -148,7 +151,8 @@ def _solve_chunk(number: int, design: Design, cells: list[tuple[float, float]],
         mle, regime = point.mle, point.regime
         rows.append((
             mle.value if mle else np.nan, mle.standard_error if mle else np.nan, regime.name if regime else "",
-            regime.period if regime else 0, point.contact_share, point.max_eccentricity, point.trajectory.status))
+            regime.period if regime else 0, point.contact_share, point.max_eccentricity, point.trajectory.status,
+            point.trajectory.completed))
     columns = zip(*rows, strict=True)
     result = {name: np.array(column, dtype) for (name, dtype), column in zip(_FIELDS.items(), columns, strict=True)}
     return number, result | {"seconds": np.array(time.perf_counter() - began), "steps": np.array(steps)}
