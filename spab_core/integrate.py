@@ -50,6 +50,8 @@ STATUS_TEXT = {
 
 DEFAULT_TOLERANCE = 1.5e-3
 TANGENT_SLACK = 10.0  # how much larger than the state's the error of the unit tangent may be
+TANGENT_STEP = REVOLUTION / 80.0  # at the default tolerance the tangent alone asks for no shorter steps: modes that need them
+# die within a fraction of a revolution
 MAX_STEP = REVOLUTION / 8.0
 _MIN_STEP = 1e-10
 _SUBSAMPLES = 4  # of a step, for contact share and largest eccentricity
@@ -228,7 +230,8 @@ def rodas_step(system, work, stages, series, t, h, u, v, with_tangent):
             size, wrong = size + total * total, wrong + error_v * error_v
     error = error_norm(system, work, new, stages[5])
     if with_tangent:  # a light, fast mode that the orbit does not excite must not be damped by long steps
-        error = max(error, math.sqrt(vsum(wrong) / vsum(size)) / TANGENT_SLACK)
+        worth = 0.6 * DEFAULT_TOLERANCE * (h / TANGENT_STEP)**4
+        error = max(error, min(math.sqrt(vsum(wrong) / vsum(size)) / TANGENT_SLACK, worth))
     return error
 
 
