@@ -11,11 +11,14 @@ linear          The linear system of an implicit step, solved exactly by blocks
 dtm             The paper's scheme: differential transformation in time
 integrate       Steps, step control, tangent; any system by ``bind``
 simulate        One trajectory from the cold start -> Trajectory
+floquet         When a run has settled on a periodic orbit: its leading multiplier
 lyapunov        Growth of the tangent -> Exponent
 regimes         Section and exponent -> Regime
 point           The three together at one operating point -> OperatingPoint
 stability       Static equilibrium, stiffness, linear whirl threshold
-stability_map   A plane of operating points -> StabilityMap; chunks, resume, save, load
+stability_map   A plane of operating points -> StabilityMap; save, load, check
+map_engine      Computes maps: chunks, resume, processes or a Dask cluster
+bifurcation     A line of operating points, swept cold, up and down -> Bifurcation
 artifacts       What is shipped, with checksums
 figures         Plotly figures from results
 ui              The only part that knows Streamlit
@@ -28,14 +31,17 @@ from spab_core import _kernel_cache
 _kernel_cache.choose()  # before any kernel is imported
 
 from spab_core._version import __version__
+from spab_core.bifurcation import Bifurcation, chaotic_intervals, compute_bifurcation, load_bifurcation, save_bifurcation
 from spab_core.design import Design, DesignError, InputError, load_design, reference_design, save_design
+from spab_core.map_engine import compute_map
 from spab_core.point import OperatingPoint, solve_point
 from spab_core.simulate import Settings, simulate
 from spab_core.stability import concentric_stiffness, linear_spectrum, static_equilibrium, whirl_thresholds
-from spab_core.stability_map import StabilityMap, compute_map, load_map, save_map
+from spab_core.stability_map import StabilityMap, load_map, save_map
 
 __all__ = [
-    "Design", "DesignError", "InputError", "OperatingPoint", "Settings", "StabilityMap", "__version__", "compute_map",
-    "concentric_stiffness", "linear_spectrum", "load_design", "load_map", "reference_design", "save_design", "save_map",
+    "Bifurcation", "Design", "DesignError", "InputError", "OperatingPoint", "Settings", "StabilityMap", "__version__", "chaotic_intervals",
+    "compute_bifurcation", "compute_map",
+    "concentric_stiffness", "linear_spectrum", "load_bifurcation", "load_design", "load_map", "reference_design", "save_bifurcation", "save_design", "save_map",
     "simulate", "solve_point", "static_equilibrium", "whirl_thresholds",
 ]

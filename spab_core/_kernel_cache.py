@@ -5,6 +5,7 @@ file, would go unseen and old machine code would run on new data.
 """
 
 import contextlib
+import functools
 import hashlib
 import os
 import shutil
@@ -15,8 +16,7 @@ import numba
 
 _PREFIX = "spab-kernels-"
 _KERNELS = ("dtm", "film", "integrate", "kernels", "linear", "rotor", "simd")
-_SOLVER = ("design", "dtm", "film", "floquet", "integrate", "kernels", "linear", "lyapunov", "point", "regimes", "rotor", "simd",
-           "simulate")
+_SOLVER = (*_KERNELS, "design", "floquet", "lyapunov", "point", "regimes", "simulate")
 
 
 def _hash(paths) -> str:
@@ -26,6 +26,7 @@ def _hash(paths) -> str:
     return digest.hexdigest()[:16]
 
 
+@functools.cache
 def solver_hash() -> str:
     """Short hash of the sources, and the version of numba, that a computed operating point depends on."""
     return _hash(Path(__file__).parent / f"{name}.py" for name in _SOLVER)

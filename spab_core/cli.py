@@ -13,13 +13,15 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from tqdm import tqdm
 
 from spab_core._version import __version__
+from spab_core.bifurcation import SWEEPS, VARY, chaotic_intervals, compute_bifurcation, save_bifurcation
 from spab_core.design import InputError, check_number, check_output, load_design, reference_design, write_atomically
 from spab_core.film import DEFAULT_MESH, SCHEMES, parse_mesh
 from spab_core.integrate import DEFAULT_TOLERANCE, METHODS, is_compiled
+from spab_core.map_engine import compute_map, open_run, remove_parts
 from spab_core.point import solve_point
 from spab_core.simulate import BEARING_NUMBER_RANGE, Settings, check_point, path_angle
 from spab_core.stability import concentric_stiffness, whirl_thresholds
-from spab_core.stability_map import axis, check_plane, compute_map, open_run, remove_parts, save_map
+from spab_core.stability_map import axis, check_plane, save_map
 
 
 class _Parser(argparse.ArgumentParser):
@@ -62,6 +64,8 @@ def _build_parser() -> argparse.ArgumentParser:
         sub.add_argument("--method", default="rodas", help=f"time integrator: {' or '.join(METHODS)}")
         sub.add_argument("--scheme", default="fitted", help=f"film differences: {' or '.join(SCHEMES)}")
         sub.add_argument("--tolerance", type=_number, default=DEFAULT_TOLERANCE, help="largest error estimate of a step")
+        sub.add_argument("--full-length", action="store_true",
+                         help="integrate all revolutions, also where the run has settled on a periodic orbit before")
 
     sub = command("simulate", "solve one operating point: regime and maximum Lyapunov exponent")
     sub.add_argument("--rotor-mass", type=_number, required=True, help="kg on one bearing")
@@ -83,13 +87,25 @@ def _build_parser() -> argparse.ArgumentParser:
     sub.add_argument("--rotor-mass", required=True, metavar="START:STOP:COUNT", help="kg on one bearing")
     sub.add_argument("--out", required=True, metavar="FILE.npz")
     sub.add_argument("--workers", type=_whole, default=1, help="processes")
+    sub.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster, such as tcp://host:8786, to solve there")
     run_options(sub, 300)
     sub.set_defaults(run=_map)
+
+    sub = command("bifurcation", "Poincaré sections and exponents along a line of operating points")
+    sub.add_argument("--vary", required=True, help=" or ".join(VARY))
+    sub.add_argument("--at", type=_number, required=True, help="the other one's value: bearing number, or rotor mass in kg")
+    sub.add_argument("--range", required=True, metavar="START:STOP:COUNT")
+    sub.add_argument("--out", required=True, metavar="FILE.npz")
+    sub.add_argument("--sweeps", default=",".join(SWEEPS), help="cold (every point from rest), up, down (state carried on)")
+    sub.add_argument("--workers", type=_whole, default=1, help="processes")
+    run_options(sub, 300)
+    sub.set_defaults(run=_bifurcation)
     return parser
 
 
 def _settings(args) -> Settings:
-    return Settings(args.mesh, args.method, args.transient, args.revolutions, args.tolerance, args.scheme)
+    return Settings(args.mesh, args.method, args.transient, args.revolutions, args.tolerance, args.scheme,
+                    not args.full_length)
 
 
 def _design(args):
@@ -171,8 +187,8 @@ def _map(args) -> dict:
     _say_compiling()
     with tqdm(total=cells, unit="cell", smoothing=0.05) as bar:
         try:
-            result = compute_map(design, bearing_number, rotor_mass, settings, workers=args.workers, parts=parts,
-                                 progress=bar.update)
+            result = compute_map(design, bearing_number, rotor_mass, settings, workers=args.workers, cluster=args.dask,
+                                 parts=parts, progress=bar.update)
         except KeyboardInterrupt:
             bar.close()
             print(f"spab: stopped; finished chunks are kept in {parts}: the same command goes on from them", file=sys.stderr)
@@ -188,6 +204,29 @@ def _map(args) -> dict:
         print(f"{args.out}: " + ", ".join(f"{n} {c}" for n, c in zip(names, counts, strict=True)))
     return {"out": args.out, "cells": int(result.mle.size), "regimes": dict(zip(names, counts, strict=True)),
             "wall_seconds": result.metadata["wall_seconds"]}
+
+
+def _bifurcation(args) -> dict:
+    values = axis(args.range, "--range")
+    check_number("--workers", args.workers, 1, 1024)
+    settings, design = _settings(args), _design(args)
+    check_output(args.out, "--out")
+    sweeps = args.sweeps.split(",")
+    _say_compiling()
+    with tqdm(total=len(values) * len(sweeps), unit="point", smoothing=0.05) as bar:
+        try:
+            result = compute_bifurcation(design, args.vary, args.at, values, settings, sweeps=sweeps, workers=args.workers,
+                                         progress=bar.update)
+        except TerminatedWorkerError:
+            bar.close()
+            raise InputError("a worker process died (killed, or out of memory)") from None
+    save_bifurcation(result, args.out)
+    intervals = {name: chaotic_intervals(values, branch.regime) for name, branch in result.branches.items()}
+    if not args.json:
+        for name, found in intervals.items():
+            text = ", ".join(f"{a:g}" if a == b else f"{a:g} to {b:g}" for a, b in found)
+            print(f"{args.out}: {name}: chaotic at {args.vary} {text}" if found else f"{args.out}: {name}: nowhere chaotic")
+    return {"out": args.out, "points": len(values), "chaotic_intervals": intervals}
 
 
 def _count(result):

@@ -1,7 +1,7 @@
 """The linear system of a step, (I - g J) x = r, solved exactly.
 
 J is the Jacobian of :func:`spab_core.kernels.slope`. Its film part couples a column of latitudes to itself (tridiagonal)
-and to the columns east and west (diagonal), periodically: block elimination around the sphere with one separating
+and to the columns east and west (diagonal), periodically: block elimination of the columns with one separating
 column, then the journal as a border of two columns, then 2 x 2 for its velocity. No pivoting: the film part of I - g J is
 an M-matrix plus a skew part.
 """
@@ -9,7 +9,7 @@ an M-matrix plus a skew part.
 from __future__ import annotations
 
 from spab_core.kernels import contact
-from spab_core.simd import WIDTH, inner, invert_two, kernel, splat, spread, vload, vstore, vsum
+from spab_core.simd import WIDTH, inner, invert_two, splat, spread, vload, vstore, vsum
 
 NEGLIGIBLE = 1e-11  # couplings dropped in the elimination, relative to the unit matrix
 
@@ -110,7 +110,7 @@ def _film_per_displacement(film, work, x, y, dx, dy, out, o):
 
 @inner
 def _assemble(film, work, x, y, step):
-    """The entries of I - step J_SS: tridiagonal blocks in ``diagonal``, ``over``, ``under``, couplings in ``lower``, ``upper``."""
+    """The entries of I - step J_SS: ``diagonal``, ``over``, ``under`` within a column, ``lower``, ``upper`` around."""
     mp, columns = film.padded, film.columns
     stride, last = mp + WIDTH, film.columns - 1
     s = work.by_gas  # dQ/dS
@@ -286,7 +286,7 @@ def _factorise(film, work):
 
 @inner
 def _solve_blocks(film, work, r, o, m):
-    """Solve the film part in place for the right-hand side at r[o:]: the chain alone, the separator, the chain's answer to it."""
+    """Solve the film part in place for the right-hand side at r[o:]: the chain alone, the separator, what it changes."""
     chain, size = film.columns - 1, m * m
     middle = chain // 2
     first, second, centre = int(work.small[14]), int(work.small[15]), work.small[16] > 0.0

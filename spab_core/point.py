@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from spab_core.design import Design
 from spab_core.integrate import STATUS_TEXT
 from spab_core.lyapunov import Exponent, exponent
@@ -89,7 +91,8 @@ class OperatingPoint:
 
 
 def solve_point(design: Design, rotor_mass: float, bearing_number: float, settings: Settings | None = None, *,
-                path_revolutions: int = 0, progress: Progress | None = None) -> OperatingPoint:
+                path_revolutions: int = 0, start: np.ndarray | None = None,
+                progress: Progress | None = None) -> OperatingPoint:
     """Solve one operating point: trajectory, exponent, regime.
 
     Parameters are those of :func:`spab_core.simulate.simulate`.
@@ -107,7 +110,7 @@ def solve_point(design: Design, rotor_mass: float, bearing_number: float, settin
     """
     settings = settings or Settings()
     trajectory = simulate(design, rotor_mass, bearing_number, settings, path_revolutions=path_revolutions,
-                          progress=progress)
+                          start=start, progress=progress)
     mle = exponent(trajectory.growth, trajectory.settled) if trajectory.status == "ok" else None
     regime = classify(trajectory.section, mle) if mle else None
     return OperatingPoint(design, float(rotor_mass), float(bearing_number), settings, trajectory, mle, regime)

@@ -222,4 +222,5 @@ def aligned_zeros(n):
     return raw[start:start + n]
 
 
-__all__ = ["WIDTH", "aligned_zeros", "f64x8", "inner", "invert_two", "kernel", "splat", "spread", "vload", "vmin", "vstore", "vsum"]
+__all__ = ["WIDTH", "aligned_zeros", "f64x8", "inner", "invert_two", "kernel", "splat", "spread", "vload", "vmin",
+           "vstore", "vsum"]

@@ -25,7 +25,7 @@ from spab_core.integrate import (
     build_memory,
     build_record,
 )
-from spab_core.rotor import ROTOR_STATES, build_rotor
+from spab_core.rotor import RAMP_REVOLUTIONS, ROTOR_STATES, build_rotor
 
 ROTOR_MASS_RANGE = (1e-3, 1e3)  # kg
 BEARING_NUMBER_RANGE = (0.01, 50.0)
@@ -109,6 +109,8 @@ class Trajectory:
     steps : int
         Integration steps taken.
     wall_seconds : float
+    final : ndarray
+        State vector at the end: gas content of the film, then the rotor.
     settled : Settled or None
         The periodic orbit on which the run stopped early.
     """
@@ -122,6 +124,7 @@ class Trajectory:
     path: np.ndarray
     steps: int
     wall_seconds: float
+    final: np.ndarray
     settled: Settled | None = None
 
 
@@ -132,8 +135,9 @@ def check_point(rotor_mass: float, bearing_number: float) -> None:
 
 
 def simulate(design: Design, rotor_mass: float, bearing_number: float, settings: Settings | None = None, *,
-             path_revolutions: int = 0, samples: int = 96, progress: Progress | None = None) -> Trajectory:
-    """Run one operating point from the cold start (docs/model.md).
+             path_revolutions: int = 0, samples: int = 96, start: np.ndarray | None = None,
+             progress: Progress | None = None) -> Trajectory:
+    """Run one operating point, from the cold start (docs/model.md) or from a given state.
 
     Parameters
     ----------
@@ -147,6 +151,9 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
         How many of the last measured revolutions to keep as paths.
     samples : int
         Points a revolution of a path.
+    start : ndarray, optional
+        State vector at the end of a revolution, such as ``Trajectory.final`` of a neighbouring point on the same mesh, to go on
+        from under full load.
     progress : callable
         Called with the number of revolutions done since the last call; an exception from it stops the run.
 
@@ -158,7 +165,7 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
     Raises
     ------
     DesignError
-        For an operating point out of range.
+        For an operating point out of range, or a start that does not fit the mesh.
     """
     settings = settings or Settings()
     check_point(rotor_mass, bearing_number)
@@ -166,6 +173,12 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
     film = build_film(design, bearing_number, settings.mesh, settings.scheme)
     system = (film, build_rotor(design, rotor_mass, bearing_number))
     memory = build_memory(film, settings.method)
+    before = 0  # revolutions that the start has behind it: the load is raised over the first ones
+    if start is not None:
+        if np.shape(start) != memory.state.shape:
+            raise DesignError(f"start has shape {np.shape(start)}; a state on mesh {settings.mesh} has {memory.state.shape}")
+        memory.state[:] = start
+        before = math.ceil(RAMP_REVOLUTIONS)
     # the steps of dtm are limited by stability, so a smaller tolerance costs nothing and keeps its tangent clean
     tolerance = min(settings.tolerance, 1e-6) if settings.method == "dtm" else settings.tolerance
     transient, total = int(settings.transient), int(settings.transient) + int(settings.revolutions)
@@ -180,7 +193,7 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
         nonlocal done, status
         record = build_record(count, samples if keep else 0, film_size(film) + ROTOR_STATES if tangent else 0)
         options = Options(METHODS.index(settings.method), tolerance, tangent=tangent)
-        status, completed = advance(system, memory, options, done, count, record)
+        status, completed = advance(system, memory, options, before + done, count, record)
         done += completed
         records.append(Record(*(a[:completed] for a in record)))
         if progress:
@@ -194,7 +207,8 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
                 break
             parts.append(getattr(record, field))
             found += len(parts[-1])
-        return np.concatenate(parts[::-1])[-rows:] if rows > 0 and parts else np.empty((0, *getattr(records[0], field).shape[1:]))
+        empty = np.empty((0, *getattr(records[0], field).shape[1:]))
+        return np.concatenate(parts[::-1])[-rows:] if rows > 0 and parts else empty
 
     while done < total - kept and status == OK and settled is None:
         if not tangent and done >= transient - aligned:
@@ -204,7 +218,7 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
         if status == OK and settings.early_stop and done % CHECK_EVERY == 0 and done <= total - max(kept, _ATTENTION):
             section = last("section", 3 * MEMORY)
             if not tangent:
-                if done * REVOLUTION > system[1].ramp and is_near(section):
+                if (before + done) * REVOLUTION > system[1].ramp and is_near(section):
                     tangent, first_tangent = True, done
             else:
                 rows = min(MEMORY, done - first_tangent)
@@ -220,7 +234,7 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
         for array in (arrays["section"], path):
             array[..., 2:4], array[..., 6:8] = array[..., 0:2], array[..., 4:6]
     return Trajectory(STATUS[status], done, arrays["section"], growth, arrays["contact"] / REVOLUTION, arrays["peak"], path,
-                      int(memory.control[1]), time.perf_counter() - began, settled)
+                      int(memory.control[1]), time.perf_counter() - began, memory.state.copy(), settled)
 
 
 def path_angle(trajectory: Trajectory) -> np.ndarray:

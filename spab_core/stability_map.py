@@ -1,44 +1,34 @@
-"""A plane of operating points: computed in chunks that survive a crash, saved as NPZ without pickles.
-
-Every cell is a cold start of its own, so the result does not depend on the number of workers or their order.
-"""
+"""A stability map: a plane of operating points, saved as NPZ without pickles (computed by :mod:`spab_core.map_engine`)."""
 
 from __future__ import annotations
 
 import datetime
-import hashlib
 import io
 import json
 import platform
-import shutil
-import time
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import joblib
 import numpy as np
 
 from spab_core._kernel_cache import solver_hash
 from spab_core.design import Design, InputError, write_atomically
-from spab_core.integrate import STATUS, is_compiled
-from spab_core.point import solve_point
+from spab_core.integrate import STATUS
 from spab_core.regimes import MAX_PERIOD, REGIMES, Regime
 from spab_core.simulate import Settings, check_point
 
-CHUNK_CELLS = 25
 MAX_CELLS = 2_000_000
-_FIELDS: dict[str, type | str] = {  # dtype of each cell array, in the file's order
+FIELDS: dict[str, type | str] = {  # dtype of each cell array, in the file's order
     "mle": np.float64, "mle_standard_error": np.float64, "regime": "<U14", "period": np.int16,
     "contact_share": np.float64, "max_eccentricity": np.float64, "status": "<U16", "revolutions": np.int32,
 }
 
 
 # whatever numpy, zipfile and zlib raise for a file that is damaged or no NPZ
-_UNREADABLE = (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error, tokenize.TokenError,
+UNREADABLE = (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error, tokenize.TokenError,
                MemoryError, SyntaxError)
 
 
@@ -139,150 +129,15 @@ def check_plane(bearing_number: np.ndarray, rotor_mass: np.ndarray) -> int:
     return count
 
 
-def _solve_chunk(number: int, design: Design, cells: list[tuple[float, float]],
-                 settings: Settings) -> tuple[int, dict[str, np.ndarray]]:
-    """Solve (bearing number, rotor mass) cells one after the other; runs in a worker."""
-    began = time.perf_counter()
-    rows = []
-    steps = 0
-    for bearing_number, rotor_mass in cells:
-        point = solve_point(design, rotor_mass, bearing_number, settings)
-        steps += point.trajectory.steps
-        mle, regime = point.mle, point.regime
-        rows.append((
-            mle.value if mle else np.nan, mle.standard_error if mle else np.nan, regime.name if regime else "",
-            regime.period if regime else 0, point.contact_share, point.max_eccentricity, point.trajectory.status,
-            point.trajectory.completed))
-    columns = zip(*rows, strict=True)
-    result = {name: np.array(column, dtype) for (name, dtype), column in zip(_FIELDS.items(), columns, strict=True)}
-    return number, result | {"seconds": np.array(time.perf_counter() - began), "steps": np.array(steps)}
-
-
-def _plan(design, bearing_number, rotor_mass, settings):
-    """What a run computes, as a dictionary that must be the same to resume it."""
-    return {
-        "solver": solver_hash(), "design": design.to_dict(), "settings": settings.to_dict(), "chunk_cells": CHUNK_CELLS,
-        "bearing_number": hashlib.sha256(bearing_number.tobytes()).hexdigest(),
-        "rotor_mass": hashlib.sha256(rotor_mass.tobytes()).hexdigest(),
-    }
-
-
-def open_run(folder: Path, design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray, settings: Settings) -> str:
-    """Start a run in ``folder`` or go on with the one that is there.
-
-    Returns
-    -------
-    str
-        Hash of what the run computes; every chunk carries it.
-
-    Raises
-    ------
-    MapError
-        Where the folder holds another run.
-    """
-    plan = _plan(design, bearing_number, rotor_mass, settings)
-    path = folder / "plan.json"
-    text = json.dumps(plan, indent=1)
-    if path.exists():
-        try:
-            old = json.loads(path.read_text("utf-8"))
-        except (OSError, ValueError, RecursionError):
-            old = None
-        old = old if isinstance(old, dict) else {}
-        different = sorted(k for k in plan.keys() | old.keys() if plan.get(k) != old.get(k))
-        if different:
-            raise MapError(f"{folder} holds the parts of another run (different: {', '.join(different)}); finish that run "
-                           "with its own settings, or delete the folder")
-    else:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_atomically(path, text.encode())
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _npz_bytes(arrays: dict) -> bytes:
+def npz_bytes(arrays: dict) -> bytes:
+    """Arrays by name as the bytes of a compressed NPZ file; the same arrays give the same bytes."""
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)
     return buffer.getvalue()
 
 
-def compute_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray, settings: Settings | None = None, *,
-                workers: int = 1, parts: Path | None = None,
-                progress: Callable[[int], None] | None = None) -> StabilityMap:
-    """Solve every cell of a plane from its own cold start.
-
-    Parameters
-    ----------
-    design : Design
-    bearing_number : ndarray, (B,)
-    rotor_mass : ndarray, (M,)
-        kg on one bearing.
-    settings : Settings
-    workers : int
-        Processes.
-    parts : Path, optional
-        Folder for finished chunks. A run that finds its own chunks there goes on from them.
-    progress : callable
-        Called with the number of cells done since the last call.
-
-    Returns
-    -------
-    StabilityMap
-
-    Raises
-    ------
-    InputError
-        For axes out of range, or parts of another run.
-    """
-    settings = settings or Settings(revolutions=300)
-    bearing_number, rotor_mass = np.asarray(bearing_number, float), np.asarray(rotor_mass, float)
-    count = check_plane(bearing_number, rotor_mass)
-    cells = [(float(b), float(m)) for b in bearing_number for m in rotor_mass]
-    chunks = [cells[k:k + CHUNK_CELLS] for k in range(0, count, CHUNK_CELLS)]
-    run_hash = open_run(parts, design, bearing_number, rotor_mass, settings) if parts else ""
-
-    results: dict[int, dict] = {}
-    for k in range(len(chunks)):
-        path = parts / f"chunk-{k:06d}.npz" if parts else None
-        if path and path.exists():
-            results[k] = _read_chunk(path, len(chunks[k]), run_hash)
-    if progress:
-        progress(sum(len(chunks[k]) for k in results))
-
-    missing = [k for k in range(len(chunks)) if k not in results]
-    if missing and workers > 1 and not is_compiled():
-        solve_point(design, cells[0][1], cells[0][0], settings)  # compile once, not once in every worker
-    began = time.perf_counter()
-    run = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", pre_dispatch=2 * workers)
-    for k, result in run(joblib.delayed(_solve_chunk)(k, design, chunks[k], settings) for k in missing):
-        results[k] = result
-        if parts:
-            write_atomically(parts / f"chunk-{k:06d}.npz", _npz_bytes(result | {"run": np.array(run_hash)}))
-        if progress:
-            progress(len(chunks[k]))
-
-    shape = (len(bearing_number), len(rotor_mass))
-    arrays = {name: np.concatenate([results[k][name] for k in range(len(chunks))]).reshape(shape) for name in _FIELDS}
-    metadata = _metadata(design, settings, shape) | {
-        "wall_seconds": time.perf_counter() - began,  # of the last session, if the run was resumed
-        "worker_seconds": float(sum(float(r["seconds"]) for r in results.values())),
-        "steps": int(sum(int(r["steps"]) for r in results.values())),
-        "workers": workers,
-    }
-    return StabilityMap(bearing_number, rotor_mass, **arrays, metadata=metadata)
-
-
-def _read_chunk(path: Path, cells: int, run_hash: str) -> dict:
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-            result = {name: data[name] for name in (*_FIELDS, "seconds", "steps", "run")}
-    except _UNREADABLE as error:
-        raise MapError(f"{path} is damaged ({error}); delete it to compute that chunk again") from None
-    if str(result.pop("run")) != run_hash or any(result[name].shape != (cells,) for name in _FIELDS):
-        raise MapError(f"{path} belongs to another run; delete it to compute that chunk again")
-    return result
-
-
-def _metadata(design: Design, settings: Settings, shape: tuple[int, int]) -> dict:
+def map_metadata(design: Design, settings: Settings, shape: tuple[int, ...]) -> dict:
+    """What a map file says about itself, times apart."""
     import numba
     import scipy
 
@@ -299,15 +154,8 @@ def _metadata(design: Design, settings: Settings, shape: tuple[int, int]) -> dic
 def save_map(result: StabilityMap, path: str | Path) -> None:
     """Write a map as NPZ, atomically. Keys: those of :class:`StabilityMap`, ``metadata`` as JSON text."""
     arrays = {"bearing_number": result.bearing_number, "rotor_mass": result.rotor_mass}
-    arrays |= {name: getattr(result, name) for name in _FIELDS}
-    write_atomically(path, _npz_bytes(arrays | {"metadata": np.array(json.dumps(result.metadata))}))
-
-
-def remove_parts(parts: Path) -> None:
-    """Delete the chunks of a finished run."""
-    for chunk in sorted(parts.glob("chunk-*.npz")):  # before the plan that they belong to
-        chunk.unlink(missing_ok=True)
-    shutil.rmtree(parts, ignore_errors=True)
+    arrays |= {name: getattr(result, name) for name in FIELDS}
+    write_atomically(path, npz_bytes(arrays | {"metadata": np.array(json.dumps(result.metadata))}))
 
 
 def load_map(path: str | Path) -> StabilityMap:
@@ -320,14 +168,14 @@ def load_map(path: str | Path) -> StabilityMap:
     """
     try:
         with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as data:
-            missing = [k for k in ("bearing_number", "rotor_mass", *_FIELDS, "metadata") if k not in data]
+            missing = [k for k in ("bearing_number", "rotor_mass", *FIELDS, "metadata") if k not in data]
             if missing:
                 raise MapError(f"{path} is not a map: it lacks {', '.join(missing)}")
             b, m = data["bearing_number"], data["rotor_mass"]
             if b.ndim != 1 or m.ndim != 1 or b.dtype.kind != "f" or m.dtype.kind != "f":
                 raise MapError(f"{path} is not a map: its axes must be one-dimensional numbers")
             arrays = {}
-            for name, dtype in _FIELDS.items():
+            for name, dtype in FIELDS.items():
                 array = data[name]
                 if array.shape != (len(b), len(m)) or array.dtype.kind != np.dtype(dtype).kind:
                     raise MapError(f"{path} is not a map: {name} must be {len(b)} x {len(m)} of kind {np.dtype(dtype).kind}")
@@ -335,7 +183,7 @@ def load_map(path: str | Path) -> StabilityMap:
             metadata = json.loads(str(data["metadata"]))
     except MapError:
         raise
-    except _UNREADABLE as error:
+    except UNREADABLE as error:
         raise MapError(f"cannot read the map {str(path)!r}: {error}") from None
     known = (np.isin(arrays["regime"], [*REGIMES, ""]).all() and np.isin(arrays["status"], STATUS).all()
              and arrays["period"].min(initial=0) >= 0 and arrays["period"].max(initial=0) <= MAX_PERIOD)
