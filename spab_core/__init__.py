@@ -31,7 +31,13 @@ from spab_core import _kernel_cache
 _kernel_cache.choose()  # before any kernel is imported
 
 from spab_core._version import __version__
-from spab_core.bifurcation import Bifurcation, chaotic_intervals, compute_bifurcation, load_bifurcation, save_bifurcation
+from spab_core.bifurcation import (
+    Bifurcation,
+    chaotic_intervals,
+    compute_bifurcation,
+    load_bifurcation,
+    save_bifurcation,
+)
 from spab_core.design import Design, DesignError, InputError, load_design, reference_design, save_design
 from spab_core.map_engine import compute_map
 from spab_core.point import OperatingPoint, solve_point
@@ -40,8 +46,8 @@ from spab_core.stability import concentric_stiffness, linear_spectrum, static_eq
 from spab_core.stability_map import StabilityMap, load_map, save_map
 
 __all__ = [
-    "Bifurcation", "Design", "DesignError", "InputError", "OperatingPoint", "Settings", "StabilityMap", "__version__", "chaotic_intervals",
-    "compute_bifurcation", "compute_map",
-    "concentric_stiffness", "linear_spectrum", "load_bifurcation", "load_design", "load_map", "reference_design", "save_bifurcation", "save_design", "save_map",
-    "simulate", "solve_point", "static_equilibrium", "whirl_thresholds",
+    "Bifurcation", "Design", "DesignError", "InputError", "OperatingPoint", "Settings", "StabilityMap", "__version__",
+    "chaotic_intervals", "compute_bifurcation", "compute_map", "concentric_stiffness", "linear_spectrum", "load_bifurcation",
+    "load_design", "load_map", "reference_design", "save_bifurcation", "save_design", "save_map", "simulate", "solve_point",
+    "static_equilibrium", "whirl_thresholds",
 ]

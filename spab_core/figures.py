@@ -6,6 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from spab_core.point import OperatingPoint
+from spab_core.regimes import Regime
 from spab_core.stability_map import StabilityMap
 
 LAYERS = ("MLE", "Regime", "Contact share")
@@ -22,11 +23,19 @@ _REGIMES = (  # label, colour, whether (regime, period) belongs
 BEARING_NUMBER_LABEL, MASS_LABEL = "Bearing number Λ", "Rotor mass on one bearing, kg"
 
 
-def _hover(m: StabilityMap) -> list[str]:
-    b, kg = np.meshgrid(m.bearing_number, m.rotor_mass, indexing="ij")
-    rpm = m.design.speed_rpm(1.0) * b
-    return [f"Λ {b[k]:.3f} ({rpm[k]:,.0f} rpm), {kg[k]:.2f} kg<br><b>{m.cell_text(*k)}</b><br>contact "
-            f"{100 * m.contact_share[k]:.1f} %, largest eccentricity {m.max_eccentricity[k]:.3f}" for k in np.ndindex(m.shape)]
+_HOVER = ("Λ %{x:.3f} (%{customdata[0]:,.0f} rpm), %{y:.2f} kg<br><b>%{text}, MLE %{customdata[1]:+.3f} ± "
+          "%{customdata[2]:.3f}</b><br>contact %{customdata[3]:.1f} %, largest eccentricity %{customdata[4]:.3f}"
+          "<extra></extra>")
+
+
+def _hover(m: StabilityMap) -> dict:
+    """Numbers in binary and short names: a sentence for each of 42,500 cells would be megabytes."""
+    rpm = np.repeat(m.design.speed_rpm(1.0) * m.bearing_number, len(m.rotor_mass))
+    columns = [rpm, *(a.ravel() for a in (m.mle, m.mle_standard_error, 100 * m.contact_share, m.max_eccentricity))]
+    cells = list(zip(*(a.ravel().tolist() for a in (m.regime, m.period, m.status)), strict=True))
+    names = {(r, p, s): Regime(r, p).text if r else f"no exponent ({s})" for r, p, s in set(cells)}
+    return {"customdata": np.column_stack(columns).astype(np.float32), "text": [names[c] for c in cells],
+            "hovertemplate": _HOVER}
 
 
 def map_figure(m: StabilityMap, layer: str = "MLE") -> go.Figure:
@@ -56,17 +65,18 @@ def map_figure(m: StabilityMap, layer: str = "MLE") -> go.Figure:
             if mask.any():
                 figure.add_scatter(x=[None], y=[None], mode="markers", name=label, showlegend=True,
                                    marker={"color": colour, "size": 12, "symbol": "square"})
-        figure.add_heatmap(z=code.T, zmin=-0.5, zmax=len(_REGIMES) - 0.5, colorscale=scale, showscale=False, **common)
+        figure.add_heatmap(z=code.T.astype(np.float32), zmin=-0.5, zmax=len(_REGIMES) - 0.5, colorscale=scale, showscale=False,
+                           **common)
     elif layer == "Contact share":
-        figure.add_heatmap(z=100 * m.contact_share.T, zmin=0, colorscale="Cividis",
+        figure.add_heatmap(z=(100 * m.contact_share.T).astype(np.float32), zmin=0, colorscale="Cividis",
                            colorbar={"title": "time in contact, %", **bar}, **common)
     else:
-        figure.add_heatmap(z=m.mle.T, zmin=-MLE_LIMIT, zmax=MLE_LIMIT, colorscale="RdBu_r",
+        figure.add_heatmap(z=m.mle.T.astype(np.float32), zmin=-MLE_LIMIT, zmax=MLE_LIMIT, colorscale="RdBu_r",
                            colorbar={"title": "MLE per revolution (> 0 chaotic)", **bar}, **common)
     b, kg = np.meshgrid(m.bearing_number, m.rotor_mass, indexing="ij")
     figure.add_scattergl(
         x=b.ravel().astype(np.float32), y=kg.ravel().astype(np.float32), mode="markers", name="cells", showlegend=False,
-        marker={"size": 9, "opacity": 0}, text=_hover(m), hovertemplate="%{text}<extra></extra>",
+        marker={"size": 9, "opacity": 0}, **_hover(m),
         selected={"marker": {"opacity": 1, "size": 13, "color": "#000000"}}, unselected={"marker": {"opacity": 0}})
     figure.update_layout(
         xaxis={"title": BEARING_NUMBER_LABEL, "showgrid": False, "constrain": "domain"},

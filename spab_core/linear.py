@@ -174,7 +174,6 @@ def _eliminate(film, work, j, target, towards, back, coupled, fresh, m):
     if not coupled:
         return False
     _multiply(d, o, fill, o, fill, free, m)
-    keep = 0.0 if fresh else 1.0
     total = splat(0.0)
     for v in range(0, m, WIDTH):
         b = vload(back, target * m + v)
@@ -184,7 +183,7 @@ def _eliminate(film, work, j, target, towards, back, coupled, fresh, m):
             vstore(fill, o + k, own)
             passed = b * own
             total = total + passed * passed
-            vstore(fill, t + k, keep * vload(fill, t + k) - passed)
+            vstore(fill, t + k, splat(0.0) - passed if fresh else vload(fill, t + k) - passed)
     return vsum(total) > NEGLIGIBLE**2
 
 

@@ -25,7 +25,7 @@ from spab_core.simulate import Settings
 from spab_core.stability_map import FIELDS, UNREADABLE, MapError, StabilityMap, check_plane, map_metadata, npz_bytes
 
 CHUNK_CELLS = 25
-_CLUSTER_SECONDS = 20  # for a scheduler to answer and for its first worker
+CLUSTER_SECONDS = 20  # for a scheduler to answer and for its first worker
 
 
 def _solve_chunk(number: int, design: Design, cells: list[tuple[float, float]],
@@ -118,10 +118,10 @@ def cluster_or_processes(workers: int, cluster: str | None) -> Iterator[joblib.P
     except ImportError:
         raise InputError("--dask needs the packages dask and distributed: pip install 'spab-core[dask]'") from None
     try:
-        client = Client(cluster, timeout=_CLUSTER_SECONDS)
-        client.wait_for_workers(1, timeout=_CLUSTER_SECONDS)
+        client = Client(cluster, timeout=CLUSTER_SECONDS)
+        client.wait_for_workers(1, timeout=CLUSTER_SECONDS)
     except (OSError, ValueError, TypeError, TimeoutError) as error:
-        raise InputError(f"--dask = {cluster[:200]!r}: no scheduler with workers answers there within {_CLUSTER_SECONDS} s "
+        raise InputError(f"--dask = {cluster[:200]!r}: no scheduler with workers answers there within {CLUSTER_SECONDS} s "
                          f"({' '.join(str(error).split())[:200]})") from None
     with client, joblib.parallel_config(backend="dask", client=client):
         yield joblib.Parallel(n_jobs=-1, **options)

@@ -97,13 +97,13 @@ def slope_and_jacobian(film: Film, rotor: RotorCoefficients, state: np.ndarray,
     """
     n = len(state)
     out, transposed = np.zeros(n), np.empty((len(columns), n))
-    if not _fill_jacobian((film, rotor), state, columns, build_work(film), out, transposed):
+    if not fill_jacobian((film, rotor), state, columns, build_work(film), out, transposed):
         raise ValueError("the journal is outside the clearance")
     return out, transposed.T
 
 
 @njit(cache=True, nogil=True)
-def _fill_jacobian(system, state, columns, work, out, transposed):
+def fill_jacobian(system, state, columns, work, out, transposed):
     """Slope, and one row of ``transposed`` for each column of the Jacobian asked for."""
     direction = np.zeros(state.size)
     for k in range(columns.size):

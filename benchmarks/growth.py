@@ -1,0 +1,82 @@
+"""How time grows: with the number of cells, with the mesh, and with one worker instead of two.
+
+    python benchmarks/growth.py [--cells 24]
+
+Cells: the same cells once, twice and four times over, so that the exponent tells overhead and not which cells were drawn.
+Mesh: one periodic point, 40 revolutions with tangent, on meshes of 1, 2 and 4 times the cells. Workers: the same cells with
+one and with two processes, in pairs, each pair back to back; medians over pairs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import statistics
+import time
+
+import numpy as np
+
+from spab_core import Settings, reference_design, solve_point
+from spab_core.map_engine import compute_map
+
+PAPER_SECONDS = (60.0, 120.0)
+
+
+def _timed(function):
+    began = time.perf_counter()
+    function()
+    return time.perf_counter() - began
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cells", type=int, default=24, help="cells of the smallest set")
+    parser.add_argument("--pairs", type=int, default=3)
+    options = parser.parse_args()
+    design, settings = reference_design(), Settings(revolutions=300)
+    random = np.random.default_rng(1)
+    cells = np.column_stack([random.uniform(0.05, 8.5, options.cells), random.uniform(0.1, 25.0, options.cells)])
+
+    def solve(times):
+        for _ in range(times):
+            for number, mass in cells:
+                solve_point(design, mass, number, settings)
+
+    solve_point(design, 4.0, 3.0, Settings(transient=20, revolutions=20))  # loads the kernels
+    times = {1: [], 2: [], 4: []}
+    for _ in range(options.pairs):
+        for k, found in times.items():
+            found.append(_timed(lambda k=k: solve(k)))
+    medians = {k: statistics.median(v) for k, v in times.items()}
+    exponent = np.polyfit(np.log(list(medians)), np.log(list(medians.values())), 1)[0]
+    print(f"cells 1x, 2x, 4x: {', '.join(f'{v:.2f}' for v in medians.values())} s, exponent {exponent:.3f}")
+    mean = medians[4] / (4 * options.cells)
+    print(f"seconds a point, one core: {mean:.3f}; the paper's own machine: {PAPER_SECONDS[0]:.0f} to {PAPER_SECONDS[1]:.0f}")
+
+    short = {}
+    for mesh in ("8x40", "8x80", "16x40", "8x160", "16x80"):
+        s = Settings(mesh=mesh, transient=40, revolutions=40, early_stop=False)
+        points = []
+        for _ in range(options.pairs):
+            t = solve_point(design, 7.0, 6.0, s).trajectory
+            points.append(t.wall_seconds / t.steps)
+        short[mesh] = statistics.median(points)
+    base = short["8x40"]
+    for mesh, seconds in short.items():
+        m, n = map(int, mesh.split("x"))
+        grown = math.log(seconds / base) / math.log(m * n / 320) if mesh != "8x40" else float("nan")
+        print(f"mesh {mesh}: {1e6 * seconds:.1f} µs a step, {seconds / base:.2f} x, exponent in cells {grown:.2f}")
+
+    number, mass = np.linspace(0.5, 8.5, 10), np.linspace(1.0, 25.0, 20)  # eight chunks
+    compute_map(design, number[:2], mass[:2], settings, workers=2)  # starts the processes
+    ratios = []
+    for _ in range(options.pairs):
+        one = _timed(lambda: compute_map(design, number, mass, settings, workers=1))
+        two = _timed(lambda: compute_map(design, number, mass, settings, workers=2))
+        ratios.append(one / two)
+        print(f"200 cells: one worker {one:.1f} s, two {two:.1f} s, ratio {one / two:.2f}", flush=True)
+    print(f"two workers over one: {statistics.median(ratios):.2f} x (median)")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,82 @@
+"""Early stop: the leading Floquet multiplier against the eigenvalues of a dense monodromy matrix, and against full runs.
+
+Source: Floquet theory; the monodromy matrix is built column by column from the integrator's tangent at a tight tolerance, its
+eigenvalues by LAPACK. It shares neither recurrence nor normalisation with the early stop.
+"""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from spab_core.film import Mesh
+from spab_core.integrate import REVOLUTION, Options, advance, build_memory, build_record
+from spab_core.point import solve_point
+from spab_core.simulate import Settings
+
+TINY = Mesh(4, 16)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mass, number, period", [(20.0, 2.0, 1), (7.0, 6.0, 2), (10.0, 0.5, 1)])
+def test_rate_is_the_largest_eigenvalue_of_the_monodromy_matrix(design, make_run, mass, number, period):
+    settings = Settings(mesh=TINY, tolerance=1e-5)
+    point = solve_point(design, mass, number, settings)
+    assert point.trajectory.settled is not None and point.trajectory.settled.period == period
+    run = make_run(mass, number, mesh=TINY)
+    run.memory.state[:] = point.trajectory.final
+    unknowns = run.unknowns
+    columns = np.empty((len(unknowns), len(unknowns)))
+    for k, u in enumerate(unknowns):
+        memory = build_memory(run.film)
+        memory.state[:] = point.trajectory.final
+        memory.tangent[:] = 0.0
+        memory.tangent[u] = 1.0
+        record = build_record(period, 0)
+        options = Options(tolerance=1e-7, tangent=True, max_step=REVOLUTION / 64)
+        status, _ = advance(run.system, memory, options, point.trajectory.completed, period, record)
+        assert status == 0
+        columns[:, k] = memory.tangent[unknowns] * math.exp(record.growth.sum())
+    expected = math.log(np.abs(np.linalg.eigvals(columns)).max()) / period
+    assert point.mle.value == pytest.approx(expected, abs=0.003 + 0.005 * abs(expected))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mass, number", [(4.52, 1.5), (20.0, 2.0), (7.0, 6.0), (12.0, 8.0), (11.5, 7.5)])
+def test_early_stop_gives_the_answer_of_the_full_run(design, mass, number):
+    settings = Settings(revolutions=300)
+    early = solve_point(design, mass, number, settings)
+    full = solve_point(design, mass, number, dataclasses.replace(settings, early_stop=False))
+    assert early.trajectory.settled is not None and early.trajectory.completed < 0.7 * full.trajectory.completed
+    assert full.trajectory.settled is None and full.trajectory.completed == 600
+    assert early.regime == full.regime
+    assert abs(early.mle.value - full.mle.value) < 0.003 + 3.0 * full.mle.standard_error
+    assert early.contact_share == pytest.approx(full.contact_share, abs=1e-4)
+    assert early.max_eccentricity == pytest.approx(full.max_eccentricity, abs=2e-3)
+
+
+@pytest.mark.slow
+def test_chaos_and_tori_are_never_stopped_early(design):
+    for mass, number in ((18.0, 4.5), (24.0, 4.0), (2.0, 5.0)):
+        point = solve_point(design, mass, number, Settings(transient=150, revolutions=100))
+        assert point.trajectory.settled is None and point.trajectory.completed == 250
+
+
+@pytest.mark.slow
+def test_a_light_mode_that_the_orbit_does_not_excite_is_resolved(design):
+    """18.69 kg, Lambda 0.388: the shaft swings many times a revolution while the orbit stands still. Steps for the orbit alone
+    damp that mode (-1.83 at 16 steps a revolution); the limit of small steps is -1.292."""
+    fine = solve_point(design, 18.69, 0.388, Settings(tolerance=1e-5))
+    assert fine.mle.value == pytest.approx(-1.292, abs=0.003)
+    assert solve_point(design, 18.69, 0.388).mle.value == pytest.approx(fine.mle.value, abs=0.02)
+
+
+@pytest.mark.slow
+def test_a_run_goes_on_from_a_neighbour(design):
+    first = solve_point(design, 7.0, 6.0)
+    again = solve_point(design, 7.0, 6.0, start=first.trajectory.final)
+    assert again.regime == first.regime and again.mle.value == pytest.approx(first.mle.value, abs=2e-3)
+    assert again.trajectory.completed < first.trajectory.completed
+    near = np.abs(again.trajectory.section[:, None, :4] - first.trajectory.section[None, -2:, :4]).max(axis=2).min(axis=1)
+    assert near.max() < 1e-3

@@ -1,0 +1,105 @@
+"""Bifurcation sweeps: shapes, hysteresis bookkeeping, files, and the command."""
+
+import json
+
+import numpy as np
+import pytest
+
+from spab_core import Settings, solve_point
+from spab_core.bifurcation import (
+    SECTION_POINTS,
+    chaotic_intervals,
+    compute_bifurcation,
+    load_bifurcation,
+    save_bifurcation,
+)
+from spab_core.cli import main
+from spab_core.design import InputError
+
+SHORT = Settings(mesh="6x24", transient=40, revolutions=60)
+LINE = np.array([5.0, 6.0, 7.0])
+
+
+@pytest.fixture(scope="module")
+def result(design):
+    return compute_bifurcation(design, "rotor-mass", 6.0, LINE, SHORT)
+
+
+def test_sweeps_have_a_row_a_value(result):
+    assert list(result.branches) == ["cold", "up", "down"]
+    for branch in result.branches.values():
+        assert branch.section.shape == (3, SECTION_POINTS, 4) and branch.section.dtype == np.float32
+        assert np.isfinite(branch.mle).all() and (branch.status == "ok").all()
+        assert np.abs(branch.section[:, :, :2]).max() < 1.0
+
+
+def test_cold_points_are_the_points_alone(design, result):
+    alone = solve_point(design, 6.0, 6.0, SHORT)
+    cold = result.branches["cold"]
+    assert cold.mle[1] == alone.mle.value and cold.regime[1] == alone.regime.name
+    points = alone.trajectory.section[-2:, :2]
+    distance = np.abs(cold.section[1, :, None, :2] - points[None]).max(axis=2).min(axis=1)
+    assert distance.max() < 5e-3  # a settled period-2 orbit: its two points, over and over
+
+
+def test_up_and_down_start_where_the_neighbour_ended(design, result):
+    first = solve_point(design, 5.0, 6.0, SHORT)
+    second = solve_point(design, 6.0, 6.0, SHORT, start=first.trajectory.final)
+    assert result.branches["up"].mle[1] == second.mle.value
+    last = solve_point(design, 7.0, 6.0, SHORT)
+    assert result.branches["down"].mle[2] == last.mle.value
+    assert result.branches["down"].mle[1] == solve_point(design, 6.0, 6.0, SHORT, start=last.trajectory.final).mle.value
+
+
+def test_workers_do_not_change_a_bit(design, result):
+    two = compute_bifurcation(design, "rotor-mass", 6.0, LINE, SHORT, workers=2)
+    for name, branch in result.branches.items():
+        assert np.array_equal(branch.section, two.branches[name].section)
+        assert np.array_equal(branch.mle, two.branches[name].mle)
+
+
+def test_files_come_back_and_others_are_refused(result, tmp_path):
+    save_bifurcation(result, tmp_path / "b.npz")
+    again = load_bifurcation(tmp_path / "b.npz")
+    assert again.vary == "rotor-mass" and again.at == 6.0 and np.array_equal(again.values, LINE)
+    assert np.array_equal(again.branches["up"].section, result.branches["up"].section)
+    (tmp_path / "no.npz").write_bytes(b"not a file of numbers")
+    np.savez(tmp_path / "other.npz", values=LINE)
+    for name in ("no.npz", "other.npz", "missing.npz"):
+        with pytest.raises(InputError, match="cannot read"):
+            load_bifurcation(tmp_path / name)
+
+
+def test_chaotic_intervals_are_listed():
+    regime = np.array(["chaotic", "periodic", "chaotic", "chaotic", "quasi-periodic", "chaotic"])
+    assert chaotic_intervals(np.arange(6.0), regime) == [(0.0, 0.0), (2.0, 3.0), (5.0, 5.0)]
+    assert chaotic_intervals(np.arange(2.0), regime[1:2].repeat(2)) == []
+
+
+COMMAND = ["bifurcation", "--vary", "bearing-number", "--at", "7", "--range", "5.9:6.1:2", "--mesh", "6x24", "--transient",
+           "40", "--revolutions", "60", "--json"]
+
+
+def test_command_writes_and_lists(capsys, tmp_path):
+    assert main([*COMMAND, "--sweeps", "cold,down", "--out", str(tmp_path / "c.npz")]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["points"] == 2 and answer["chaotic_intervals"] == {"cold": [], "down": []}
+    assert list(load_bifurcation(tmp_path / "c.npz").branches) == ["cold", "down"]
+
+
+@pytest.mark.parametrize("change, words", [
+    (["--vary", "speed"], ["--vary", "rotor-mass"]), (["--sweeps", "left"], ["--sweeps", "cold"]),
+    (["--sweeps", ""], ["--sweeps"]), (["--range", "1:2"], ["--range"]),
+    (["--range", "1:1e9:5"], ["bearing number"]), (["--at", "-3"], ["rotor mass"]),
+    (["--at", "x"], ["--at"]), (["--range", "1:2:50000"], ["--range", "20000"]), (["--workers", "0"], ["--workers"]),
+    (["--out", "/nowhere/x.npz"], ["--out"]),
+])
+def test_wrong_input_is_a_sentence(capsys, tmp_path, change, words):
+    try:
+        code = main([*COMMAND, "--out", str(tmp_path / "c.npz"), *change])
+    except SystemExit as stop:
+        code = stop.code
+    error = capsys.readouterr().err
+    assert code == 2 and error.count("\n") == 1
+    for word in words:
+        assert word in error
