@@ -6,11 +6,13 @@ import hashlib
 import json
 from pathlib import Path
 
+from spab_core.bifurcation import Bifurcation, load_bifurcation
 from spab_core.design import InputError, write_atomically
 from spab_core.stability_map import StabilityMap, load_map
 
 ARTIFACTS = Path(__file__).resolve().parent.parent / "artifacts"
 REFERENCE_MAP = "reference_map.npz"
+BIFURCATIONS = ("bifurcation_rotor_mass.npz", "bifurcation_bearing_number.npz")  # at Lambda 3.45, at 4.52 kg
 
 
 class ArtifactError(InputError):
@@ -60,6 +62,11 @@ def checked_path(name: str, folder: Path = ARTIFACTS) -> Path:
 def load_reference_map(folder: Path = ARTIFACTS) -> StabilityMap:
     """The shipped map of the reference design. Raises :class:`ArtifactError` or ``MapError``."""
     return load_map(checked_path(REFERENCE_MAP, folder))
+
+
+def load_reference_bifurcation(name: str, folder: Path = ARTIFACTS) -> Bifurcation:
+    """A shipped line of :data:`BIFURCATIONS`. Raises :class:`ArtifactError` or ``InputError``."""
+    return load_bifurcation(checked_path(name, folder))
 
 
 if __name__ == "__main__":

@@ -82,6 +82,19 @@ def _point_at(vary: str, at: float, value: float) -> tuple[float, float]:
     return (value, at) if vary == "rotor-mass" else (at, value)
 
 
+def check_line(vary: str, at: float, values: np.ndarray, sweeps: Sequence[str]) -> None:
+    """Raise :class:`InputError` for a line out of range, an unknown parameter or sweep."""
+    if vary not in VARY:
+        raise InputError(f"--vary = {str(vary)[:40]!r} is not allowed: choose {' or '.join(VARY)}")
+    unknown = [s for s in sweeps if s not in SWEEPS]
+    if unknown or not sweeps:
+        raise InputError(f"--sweeps = {','.join(map(str, sweeps))[:60]!r} is not allowed: any of {', '.join(SWEEPS)}")
+    if not 1 <= len(values) <= MAX_POINTS:
+        raise InputError(f"--range: {len(values)} points are out of range: allowed is from 1 to {MAX_POINTS}")
+    for value in (values.min(), values.max()):
+        check_point(*_point_at(vary, at, float(value)))
+
+
 def _row(point: OperatingPoint) -> dict:
     section = point.trajectory.section[-SECTION_POINTS:, :4]
     kept = np.full((SECTION_POINTS, 4), np.nan, np.float32)
@@ -141,15 +154,7 @@ def compute_bifurcation(design: Design, vary: str, at: float, values: np.ndarray
     """
     settings = settings or Settings(revolutions=300)
     values = np.asarray(values, float)
-    if vary not in VARY:
-        raise InputError(f"--vary = {str(vary)[:40]!r} is not allowed: choose {' or '.join(VARY)}")
-    unknown = [s for s in sweeps if s not in SWEEPS]
-    if unknown or not sweeps:
-        raise InputError(f"--sweeps = {','.join(map(str, sweeps))[:60]!r} is not allowed: any of {', '.join(SWEEPS)}")
-    if not 1 <= len(values) <= MAX_POINTS:
-        raise InputError(f"--range: {len(values)} points are out of range: allowed is from 1 to {MAX_POINTS}")
-    for value in (values.min(), values.max()):
-        check_point(*_point_at(vary, at, float(value)))
+    check_line(vary, at, values, sweeps)
     points = [_point_at(vary, at, float(v)) for v in values]
     tasks = []
     for sweep in sorted(set(sweeps), key=("up", "down", "cold").index):  # the two long ones first

@@ -13,7 +13,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from tqdm import tqdm
 
 from spab_core._version import __version__
-from spab_core.bifurcation import SWEEPS, VARY, chaotic_intervals, compute_bifurcation, save_bifurcation
+from spab_core.bifurcation import SWEEPS, VARY, chaotic_intervals, check_line, compute_bifurcation, save_bifurcation
 from spab_core.design import InputError, check_number, check_output, load_design, reference_design, write_atomically
 from spab_core.film import DEFAULT_MESH, SCHEMES, parse_mesh
 from spab_core.integrate import DEFAULT_TOLERANCE, METHODS, is_compiled
@@ -212,6 +212,7 @@ def _bifurcation(args) -> dict:
     settings, design = _settings(args), _design(args)
     check_output(args.out, "--out")
     sweeps = args.sweeps.split(",")
+    check_line(args.vary, args.at, values, sweeps)
     _say_compiling()
     with tqdm(total=len(values) * len(sweeps), unit="point", smoothing=0.05) as bar:
         try:

@@ -52,7 +52,8 @@ def test_early_stop_gives_the_answer_of_the_full_run(design, mass, number):
     assert full.trajectory.settled is None and full.trajectory.completed == 600
     assert early.regime == full.regime
     assert abs(early.mle.value - full.mle.value) < 0.003 + 3.0 * full.mle.standard_error
-    assert early.contact_share == pytest.approx(full.contact_share, abs=1e-4)
+    # contact time is counted in quarters of a step, some eighty to a revolution
+    assert early.contact_share == pytest.approx(full.contact_share, abs=3e-3)
     assert early.max_eccentricity == pytest.approx(full.max_eccentricity, abs=2e-3)
 
 

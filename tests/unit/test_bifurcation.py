@@ -39,7 +39,7 @@ def test_cold_points_are_the_points_alone(design, result):
     assert cold.mle[1] == alone.mle.value and cold.regime[1] == alone.regime.name
     points = alone.trajectory.section[-2:, :2]
     distance = np.abs(cold.section[1, :, None, :2] - points[None]).max(axis=2).min(axis=1)
-    assert distance.max() < 5e-3  # a settled period-2 orbit: its two points, over and over
+    assert distance[-10:].max() < 1e-3  # period 2: its two points, over and over
 
 
 def test_up_and_down_start_where_the_neighbour_ended(design, result):

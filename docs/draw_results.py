@@ -1,0 +1,57 @@
+"""Pictures for docs/results.md from the shipped data, drawn in Chromium: ``make results``."""
+
+import csv
+from pathlib import Path
+
+import plotly.graph_objects as go
+from take_pictures import browser_page
+
+from spab_core.artifacts import BIFURCATIONS, load_reference_bifurcation, load_reference_map
+from spab_core.figures import bifurcation_figure, map_figure
+
+DOCS = Path(__file__).resolve().parent
+PICTURES = DOCS / "pictures"
+WIDTH, HEIGHT = 1000, 640
+
+
+def draw(page, figure, name):
+    """One figure as PNG."""
+    figure.update_layout(width=WIDTH, height=HEIGHT, template="plotly_white")
+    page.set_content(figure.to_html(include_plotlyjs=True, config={"staticPlot": True}))
+    page.wait_for_selector(".main-svg")
+    page.wait_for_timeout(800)
+    page.screenshot(path=PICTURES / f"{name}.png")
+
+
+def audit_figure(m):
+    """The regimes of the map with the audited cells: agreeing and disagreeing."""
+    figure = map_figure(m, "Regime")
+    figure.data = [t for t in figure.data if t.name != "cells"]
+    with (DOCS / "audit.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    for agrees, name, marker in ((True, "agrees", {"symbol": "circle-open", "color": "#000000", "size": 6}),
+                                 (False, "disagrees", {"symbol": "x", "color": "#CC79A7", "size": 12,
+                                                       "line": {"color": "#000000", "width": 1}})):
+        chosen = [r for r in rows if (r["map_regime"] == r["regime"]) == agrees]
+        x, y = ([float(r[key]) for r in chosen] for key in ("bearing_number", "rotor_mass_kg"))
+        figure.add_trace(go.Scatter(x=x, y=y, mode="markers", name=f"{name} ({len(chosen)})", marker=marker))
+    return figure
+
+
+def main():
+    m = load_reference_map()
+    with browser_page(WIDTH, HEIGHT) as page:
+        for layer, name in (("MLE", "map_mle"), ("Regime", "map_regime")):
+            figure = map_figure(m, layer)
+            figure.data = [t for t in figure.data if t.name != "cells"]
+            draw(page, figure, name)
+        for file in BIFURCATIONS:
+            line = load_reference_bifurcation(file)
+            for coordinate in ("X2", "Y2"):
+                draw(page, bifurcation_figure(line, coordinate), f"{Path(file).stem}_{coordinate}")
+        if (DOCS / "audit.csv").exists():
+            draw(page, audit_figure(m), "audit")
+
+
+if __name__ == "__main__":
+    main()
