@@ -24,8 +24,8 @@ class Work(NamedTuple):
     """Scratch memory of one trajectory (all float64).
 
     ``y``, ``p`` hold 1/H and P at the point of linearisation and ``q``, ``dq`` its Q and the derivative along the tangent;
-    ``tq``, ``tdq`` are the same of a stage. ``by_gas`` is dQ/dS; ``by_gas2`` to ``by_gap2`` and ``push`` to ``bend_y``
-    belong to :func:`prepare_curvature`. ``diagonal``, ``over``, ``under`` are the film matrix within a column, ``lower``,
+    ``tq``, ``tdq`` are the same of a stage. ``by_gas`` is dQ/dS, ``by_gap`` dQ per displacement towards the column; ``by_gas2``,
+    ``by_gap2`` and ``push`` to ``bend_y`` belong to :func:`prepare_curvature`. ``diagonal``, ``over``, ``under`` are the film matrix within a column, ``lower``,
     ``upper`` its couplings around, ``inverse``, ``fill`` the blocks of its elimination, ``border`` its two columns for the
     journal's position and ``small`` the 2 x 2 remainder for the journal's velocity and other single numbers.
     """
@@ -295,7 +295,6 @@ def prepare_curvature(system, u, v, work):
             second = 2.0 * inverse * (vp + p * turn * vg)
             vstore(dq, o, (p + p) * vp)
             vstore(e, o, second)
-            vstore(b, o, first * p * centre)
             vstore(f, o, (second * p + first * vp) * centre)
             push = vload(film.weight, i) * turn
             vstore(work.push, j * mp + i, push * inverse * vg)

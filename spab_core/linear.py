@@ -72,40 +72,41 @@ def _apply(a, oa, x, ox, v, m):
 
 
 @inner
-def _film_per_displacement(film, work, x, y, dx, dy, out, o):
-    """out[o:] = J_SX (dx, dy): the film's slope per journal displacement at the point of linearisation."""
+def _film_per_displacement(film, work, x, y):
+    """The two columns of J_SX, the film's slope per journal displacement at the point of linearisation, into ``border``."""
     mp, columns = film.padded, film.columns
-    stride = mp + WIDTH
-    q, dq = work.q, work.tdq
+    n, stride, last = columns * mp, mp + WIDTH, columns - 1
+    q, b = work.q, work.by_gap  # Q, and its change per displacement towards the column
     for j in range(columns):
-        dg = dx * film.cos[j] + dy * film.sin[j]
         for i in range(0, mp, WIDTH):
-            p = vload(work.p, j * mp + i)
-            dp = p * (vload(film.cos_centre, i) * dg) * vload(work.y, j * mp + i)
-            vstore(dq, WIDTH + j * stride + i, (p + p) * dp)
-    last = columns - 1
+            o = WIDTH + j * stride + i
+            vstore(b, o, vload(work.by_gas, o) * vload(work.p, j * mp + i) * vload(film.cos_centre, i))
     for i in range(0, mp, WIDTH):
         centre, up, down = vload(film.cos_centre, i), vload(film.cos_up, i), vload(film.cos_down, i)
         k_up, k_down, k_around = vload(film.flux_up, i), vload(film.flux_down, i), vload(film.flux_around, i)
         feed = vload(film.feed, i)
-        west = splat(0.0)
+        west_x, west_y = splat(0.0), splat(0.0)
         for jj in range(columns + 1):
-            j = jj - 1 if jj > 0 else last
-            a, ae = WIDTH + j * stride + i, WIDTH + (j + 1 if j < last else 0) * stride + i
-            h = 1.0 - centre * (x * film.cos_face[j] + y * film.sin_face[j])
-            dh = -3.0 * centre * (dx * film.cos_face[j] + dy * film.sin_face[j])
-            east = k_around * (h * h) * (dh * (vload(q, ae) - vload(q, a)) + h * (vload(dq, ae) - vload(dq, a)))
+            j = jj - 1 if jj > 0 else last  # the face west of column 0 first
+            je = j + 1 if j < last else 0
+            o, oe = WIDTH + j * stride + i, WIDTH + je * stride + i
+            c, s, cf, sf = film.cos[j], film.sin[j], film.cos_face[j], film.sin_face[j]
+            h = 1.0 - centre * (x * cf + y * sf)
+            k = k_around * (h * h)
+            gap, there, here = -3.0 * centre * (k * (vload(q, oe) - vload(q, o))), k * h * vload(b, oe), k * h * vload(b, o)
+            east_x = gap * cf + there * film.cos[je] - here * c
+            east_y = gap * sf + there * film.sin[je] - here * s
             if jj > 0:
-                g = x * film.cos[j] + y * film.sin[j]
-                dg = -3.0 * (dx * film.cos[j] + dy * film.sin[j])
+                g = x * c + y * s
                 h = 1.0 - up * g
-                total = k_up * (h * h) * (up * dg * (vload(q, a + 1) - vload(q, a))
-                                          + h * (vload(dq, a + 1) - vload(dq, a)))
+                total = k_up * (h * h) * (h * (vload(b, o + 1) - vload(b, o)) - 3.0 * up * (vload(q, o + 1) - vload(q, o)))
                 h = 1.0 - down * g
-                total = total - k_down * (h * h) * (down * dg * (vload(q, a) - vload(q, a - 1))
-                                                    + h * (vload(dq, a) - vload(dq, a - 1)))
-                vstore(out, o + j * mp + i, total + (east - west) - feed * vload(dq, a))
-            west = east
+                total = total - k_down * (h * h) * (h * (vload(b, o) - vload(b, o - 1))
+                                                    - 3.0 * down * (vload(q, o) - vload(q, o - 1)))
+                total = total - feed * vload(b, o)
+                vstore(work.border, j * mp + i, total * c + (east_x - west_x))
+                vstore(work.border, n + j * mp + i, total * s + (east_y - west_y))
+            west_x, west_y = east_x, east_y
 
 
 @inner
@@ -378,8 +379,8 @@ def linearise(system, step, u, work):
         fxx, fxy, fyx, fyy = fxx - total * c * c, fxy - total * c * s, fyx - total * s * c, fyy - total * s * s
     _assemble(film, work, x, y, step)
     _factorise(film, work)
+    _film_per_displacement(film, work, x, y)
     for k in range(2):
-        _film_per_displacement(film, work, x, y, 1.0 - k, 1.0 * k, work.border, k * n)
         _solve_film(film, work, work.border, k * n)
         work.small[10 + 2 * k], work.small[11 + 2 * k] = _force_of(film, work, work.border, k * n)
     gxx, gyx, gxy, gyy = work.small[10], work.small[11], work.small[12], work.small[13]

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from spab_core import stability_map
+from spab_core import map_engine
 from spab_core.cli import main
 from spab_core.design import design_toml, reference_design
 from spab_core.stability_map import load_map
@@ -78,12 +78,12 @@ def _map(out, *more):
 
 
 def test_map_file_and_worker_count(capsys, tmp_path, monkeypatch):
-    monkeypatch.setattr(stability_map, "CHUNK_CELLS", 2)  # three chunks for two workers
+    monkeypatch.setattr(map_engine, "CHUNK_CELLS", 2)  # three chunks for two workers
     assert answer(capsys, *_map(tmp_path / "a.npz"))["cells"] == 6
     answer(capsys, *_map(tmp_path / "b.npz", "--workers", "2"))
     with np.load(tmp_path / "a.npz", allow_pickle=False) as data:
         assert set(data) == {"bearing_number", "rotor_mass", "mle", "mle_standard_error", "regime", "period", "contact_share",
-                             "max_eccentricity", "status", "metadata"}
+                             "max_eccentricity", "status", "revolutions", "metadata"}
         metadata = json.loads(str(data["metadata"]))
     assert {"design", "mesh", "steps", "revolutions", "versions", "date", "wall_seconds"} <= set(metadata)
     a, b = load_map(tmp_path / "a.npz"), load_map(tmp_path / "b.npz")

@@ -2,7 +2,9 @@
 
 import os
 import signal
+import sys
 import threading
+import types
 
 import filelock
 import numpy as np
@@ -37,8 +39,10 @@ def test_workers_do_not_change_a_bit(design, alone, workers):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
-def test_a_cluster_that_loses_a_worker_completes_with_the_same_bits(design, alone, tmp_path):
+def test_a_cluster_that_loses_a_worker_completes_with_the_same_bits(design, alone, tmp_path, monkeypatch):
     """A real Dask cluster of two worker processes; one of them is killed when the first chunk is done."""
+    # new processes would run this process's main module again, which an earlier AppTest replaced by the page
+    monkeypatch.setitem(sys.modules, "__main__", types.ModuleType("__main__"))
     distributed = pytest.importorskip("distributed", reason="the extra spab-core[dask] is not installed")
     killed = []
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None,
