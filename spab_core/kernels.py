@@ -24,10 +24,11 @@ class Work(NamedTuple):
     """Scratch memory of one trajectory (all float64).
 
     ``y``, ``p`` hold 1/H and P at the point of linearisation and ``q``, ``dq`` its Q and the derivative along the tangent;
-    ``tq``, ``tdq`` are the same of a stage. ``by_gas`` is dQ/dS, ``by_gap`` dQ per displacement towards the column; ``by_gas2``,
-    ``by_gap2`` and ``push`` to ``bend_y`` belong to :func:`prepare_curvature`. ``diagonal``, ``over``, ``under`` are the film matrix within a column, ``lower``,
-    ``upper`` its couplings around, ``inverse``, ``fill`` the blocks of its elimination, ``border`` its two columns for the
-    journal's position and ``small`` the 2 x 2 remainder for the journal's velocity and other single numbers.
+    ``tq``, ``tdq`` are the same of a stage. ``by_gas`` is dQ/dS, ``by_gap`` dQ per displacement towards the column;
+    ``by_gas2``, ``by_gap2`` and ``push`` to ``bend_y`` belong to :func:`prepare_curvature`. ``diagonal``, ``over``, ``under``
+    are the film matrix within a column, ``lower``, ``upper`` its couplings around, ``inverse``, ``fill`` the blocks of its
+    elimination, ``border`` its two columns for the journal's position and ``small`` the 2 x 2 remainder for the journal's
+    velocity and other single numbers.
     """
 
     y: np.ndarray

@@ -9,7 +9,7 @@ an M-matrix plus a skew part.
 from __future__ import annotations
 
 from spab_core.kernels import contact
-from spab_core.simd import WIDTH, inner, invert_two, splat, spread, vload, vstore, vsum
+from spab_core.simd import WIDTH, block_times, inner, invert_two, splat, spread, vload, vstore, vsum
 
 NEGLIGIBLE = 1e-11  # couplings dropped in the elimination, relative to the unit matrix
 
@@ -333,9 +333,50 @@ def _solve_blocks(film, work, r, o, m):
 
 
 @inner
+def _solve_eight(film, work, r, o):
+    """:func:`_solve_blocks` for columns of eight, which stay in their registers."""
+    m, size = WIDTH, WIDTH * WIDTH
+    chain = film.columns - 1
+    middle = chain // 2
+    first, second, centre = int(work.small[14]), int(work.small[15]), work.small[16] > 0.0
+    d, fill, lower, upper = work.inverse, work.fill, work.lower, work.upper
+    left, right = vload(r, o), vload(r, o + (chain - 1) * m)
+    for j in range(middle):
+        other = chain - 1 - j
+        k = (j + 1) * m
+        left = vload(r, o + k) - vload(lower, k) * block_times(d, j * size, left)
+        vstore(r, o + k, left)
+        if other > middle:
+            k = (other - 1) * m
+            right = vload(r, o + k) - vload(upper, k) * block_times(d, other * size, right)
+            vstore(r, o + k, right)
+    k = middle * m
+    left = block_times(d, middle * size, vload(r, o + k))
+    vstore(r, o + k, left)
+    right = left
+    for step in range(1, middle + 1):
+        j, other = middle - step, middle + step
+        k = j * m
+        left = block_times(d, j * size, vload(r, o + k) - vload(upper, k) * left)
+        vstore(r, o + k, left)
+        if other < chain:
+            k = other * m
+            right = block_times(d, other * size, vload(r, o + k) - vload(lower, k) * right)
+            vstore(r, o + k, right)
+    k = chain * m
+    last = vload(r, o + k) - vload(lower, k) * right - vload(upper, k) * left
+    last = block_times(d, chain * size, last)
+    vstore(r, o + k, last)
+    for j in range(chain):
+        if j < first or chain - 1 - j < second or (j == middle and centre):
+            k = o + j * m
+            vstore(r, k, vload(r, k) - block_times(fill, j * size, last))
+
+
+@inner
 def _solve_film(film, work, r, o):
     if film.padded == WIDTH:
-        _solve_blocks(film, work, r, o, WIDTH)
+        _solve_eight(film, work, r, o)
     else:
         _solve_blocks(film, work, r, o, film.padded)
 

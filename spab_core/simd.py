@@ -215,6 +215,27 @@ def vsum(typingctx, value):
     return types.float64(value), codegen
 
 
+@intrinsic
+def block_times(typingctx, array, index, vector):
+    """The 8 x 8 block stored by columns at ``array[index:]`` times a vector, which stays in its register."""
+    if not _is_flat(array) or not isinstance(index, types.Integer) or vector != f64x8:
+        return None
+
+    def codegen(context, builder, signature, args):
+        contract = ("contract",)
+        start = context.cast(builder, args[1], signature.args[1], types.intp)
+        totals = [None, None]  # two sums for latency
+        for k in range(WIDTH):
+            place = builder.add(start, ir.Constant(start.type, WIDTH * k))
+            column = builder.load(_pointer(context, builder, signature.args[0], args[0], place), align=8)
+            product = builder.fmul(column, _lane(builder, args[2], k), flags=contract)
+            total = totals[k % 2]
+            totals[k % 2] = product if total is None else builder.fadd(total, product, flags=contract)
+        return builder.fadd(*totals, flags=contract)
+
+    return f64x8(array, index, vector), codegen
+
+
 def aligned_zeros(n):
     """A float64 array of ``n`` zeros that starts on a cache line (64 bytes), so that vectors do not straddle two."""
     raw = np.zeros(n + WIDTH)
@@ -222,5 +243,5 @@ def aligned_zeros(n):
     return raw[start:start + n]
 
 
-__all__ = ["WIDTH", "aligned_zeros", "f64x8", "inner", "invert_two", "kernel", "splat", "spread", "vload", "vmin",
-           "vstore", "vsum"]
+__all__ = ["WIDTH", "aligned_zeros", "block_times", "f64x8", "inner", "invert_two", "kernel", "splat", "spread", "vload",
+           "vmin", "vstore", "vsum"]
