@@ -62,7 +62,7 @@ with left:
     st.plotly_chart(marked_map_figure(layer, state["mark"]), key="map", on_select=_clicked, selection_mode="points",
                     width="stretch", config={"displaylogo": False, "scrollZoom": True})
     st.caption(f"{m.shape[0]} × {m.shape[1]} cold starts, {m.metadata['transient']} + {m.metadata['revolutions']} revolutions "
-               f"each on {m.metadata['mesh']} film cells. Click a cell, or type Λ and mass, to solve that point now.")
+               f"each, fewer where the orbit settled, on {m.metadata['mesh']} film cells. Click a cell, or type Λ and mass, to solve that point now.")
 
 with right:
     design = m.design
@@ -81,7 +81,8 @@ with right:
                         "zero periodic, zero quasi-periodic, above zero chaotic")
         spread = point.mle.standard_error
         cells[1].metric("Standard error", f"± {spread:.3f}" if spread >= 0.0005 else "< 0.001",
-                        help="Of the MLE, by batch means")
+                        help="Of the MLE, by batch means; on a settled periodic orbit the last change of its leading multiplier's "
+                             "rate")
         cells[2].metric("Max. eccentricity", f"{point.max_eccentricity:.3f}", help="Largest of the journal, over the clearance")
         cells[3].metric("Time in contact", f"{100 * point.contact_share:.1f} %",
                         help="Share of the time with a film under a tenth of the clearance")
@@ -90,6 +91,7 @@ with right:
     two.plotly_chart(section_figure(point), key="section", width="stretch")
     st.plotly_chart(exponent_figure(point).update_layout(height=205), key="exponent", width="stretch")
     t, cell = point.trajectory, m.nearest(mass, number)
-    st.caption(f"Solved live: {t.completed} revolutions from rest, {t.steps:,} steps in {t.wall_seconds:.2f} s on "
+    ended = ", settled on a periodic orbit" if t.settled else ""
+    st.caption(f"Solved live: {t.completed} revolutions from rest{ended}, {t.steps:,} steps in {t.wall_seconds:.2f} s on "
                f"{point.settings.mesh} film cells. Nearest cell of the map (Λ {m.bearing_number[cell[0]]:.3f}, "
                f"{m.rotor_mass[cell[1]]:.2f} kg): {m.cell_text(*cell)}.")

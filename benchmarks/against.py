@@ -194,7 +194,7 @@ def main():
     ladder = [10.0 ** (-2.0 - k / 3.0) for k in range(16)]
     for mass, number in POINTS:
         problem = Problem(mass, number)
-        tolerance, error = loosest(partial(problem.ours, "rodas"), problem, [5e-3 / 1.3**k for k in range(40)])
+        tolerance, error = loosest(partial(problem.ours, "rodas"), problem, [1e-2 / 1.3**k for k in range(40)])
         print(f"\n{mass} kg, L {number}: ours, tolerance {tolerance:.1e}, error {error:.1e}", flush=True)
         rivals = {f"scipy {name}": partial(problem.scipy, name) for name in ("Radau", "BDF", "LSODA")}
         try:

@@ -146,8 +146,9 @@ def exponent_figure(point: OperatingPoint) -> go.Figure:
         figure.update_yaxes(range=[min(settled.min(), low, 0) - 0.3 * span, max(settled.max(), high, 0) + 0.3 * span])
     figure.add_hline(y=0, line={"color": NEUTRAL, "dash": "dash", "width": 1})
     return figure.update_layout(
-        title={"text": "Running exponent (band: ± one standard error)", "font_size": 14}, height=340,
-        xaxis={"title": "revolutions measured"}, yaxis={"title": "MLE per revolution"},
+        title={"text": "Running exponent (band: final value ± one standard error)", "font_size": 14}, height=340,
+        xaxis={"title": "revolutions with a tangent" if point.trajectory.settled else "revolutions measured"},
+        yaxis={"title": "MLE per revolution"},
         margin={"l": 60, "r": 10, "t": 40, "b": 40})
 
 
