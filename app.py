@@ -61,8 +61,9 @@ with left:
                    help="Whole rotor mass that one bearing carries")
     st.plotly_chart(marked_map_figure(layer, state["mark"]), key="map", on_select=_clicked, selection_mode="points",
                     width="stretch", config={"displaylogo": False, "scrollZoom": True})
-    st.caption(f"{m.shape[0]} × {m.shape[1]} cold starts, {m.metadata['transient']} + {m.metadata['revolutions']} revolutions "
-               f"each, fewer where the orbit settled, on {m.metadata['mesh']} film cells. Click a cell, or type Λ and mass, to solve that point now.")
+    st.caption(f"{m.shape[0]} × {m.shape[1]} cold starts on {m.metadata['mesh']} film cells, {m.metadata['transient']} + "
+               f"{m.metadata['revolutions']} revolutions each, fewer where the orbit settled. Click a cell, or type Λ and mass, "
+               "to solve that point now.")
 
 with right:
     design = m.design
@@ -81,8 +82,8 @@ with right:
                         "zero periodic, zero quasi-periodic, above zero chaotic")
         spread = point.mle.standard_error
         cells[1].metric("Standard error", f"± {spread:.3f}" if spread >= 0.0005 else "< 0.001",
-                        help="Of the MLE, by batch means; on a settled periodic orbit the last change of its leading multiplier's "
-                             "rate")
+                        help="Of the MLE, by batch means; on a settled periodic orbit, the last change of its leading "
+                             "multiplier's rate")
         cells[2].metric("Max. eccentricity", f"{point.max_eccentricity:.3f}", help="Largest of the journal, over the clearance")
         cells[3].metric("Time in contact", f"{100 * point.contact_share:.1f} %",
                         help="Share of the time with a film under a tenth of the clearance")
