@@ -62,7 +62,7 @@ with left:
     st.plotly_chart(marked_map_figure(layer, state["mark"]), key="map", on_select=_clicked, selection_mode="points",
                     width="stretch", config={"displaylogo": False, "scrollZoom": True})
     st.caption(f"{m.shape[0]} × {m.shape[1]} cold starts on {m.metadata['mesh']} film cells, {m.metadata['transient']} + "
-               f"{m.metadata['revolutions']} revolutions each, fewer where the orbit settled. Click a cell, or type Λ and mass, "
+               f"{m.metadata['revolutions']} revolutions each, fewer where the orbit settled. Click a cell, or type Λ and mass "
                "to solve that point now.")
 
 with right:

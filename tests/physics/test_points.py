@@ -5,6 +5,8 @@ trajectories for the exponent. Our ``plain`` scheme has the same differences and
 rows move when the mesh is refined further; the last tests show where to, and that the default scheme is already there.
 """
 
+import dataclasses
+
 import pytest
 
 from spab_core.film import Mesh
@@ -28,6 +30,8 @@ MESH_DEPENDENT = {(4.52, 1.5), (4.52, 3.0)}
 
 def _check(design, row, settings):
     mass, bearing_number, regime, mle, band, contact = row
+    if regime == "chaotic":  # 400 revolutions leave a standard error of 0.03, half the band
+        settings = dataclasses.replace(settings, revolutions=1600)
     point = solve_point(design, mass, bearing_number, settings)
     assert point.trajectory.status == "ok"
     assert point.regime.text == regime
