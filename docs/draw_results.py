@@ -20,7 +20,7 @@ def draw(page, figure, name):
     page.set_content(figure.to_html(include_plotlyjs=True, config={"staticPlot": True}))
     page.wait_for_selector(".main-svg")
     page.wait_for_timeout(800)
-    page.screenshot(path=PICTURES / f"{name}.png")
+    page.locator(".plotly-graph-div").screenshot(path=PICTURES / f"{name}.png")
 
 
 def audit_figure(m):
@@ -40,7 +40,7 @@ def audit_figure(m):
 
 def main():
     m = load_reference_map()
-    with browser_page(WIDTH, HEIGHT) as page:
+    with browser_page(WIDTH + 40, HEIGHT + 40) as page:
         for layer, name in (("MLE", "map_mle"), ("Regime", "map_regime")):
             figure = map_figure(m, layer)
             figure.data = [t for t in figure.data if t.name != "cells"]

@@ -140,13 +140,14 @@ def exponent_figure(point: OperatingPoint) -> go.Figure:
         n = np.arange(1, len(trace) + 1)
         low, high = point.mle.value - point.mle.standard_error, point.mle.value + point.mle.standard_error
         figure.add_hrect(y0=low, y1=high, fillcolor=JOURNAL, opacity=0.15, line_width=0)
+        figure.add_hline(y=point.mle.value, line={"color": JOURNAL, "dash": "dot", "width": 1})
         figure.add_scatter(x=n, y=trace, mode="lines", line={"color": JOURNAL}, name="running estimate", showlegend=False)
         settled = trace[len(trace) // 10:]
         span = max(float(np.ptp(settled)), 0.02)
         figure.update_yaxes(range=[min(settled.min(), low, 0) - 0.3 * span, max(settled.max(), high, 0) + 0.3 * span])
     figure.add_hline(y=0, line={"color": NEUTRAL, "dash": "dash", "width": 1})
     return figure.update_layout(
-        title={"text": "Running exponent (band: final value ± one standard error)", "font_size": 14}, height=340,
+        title={"text": "Running exponent (dotted: final value, band: ± one standard error)", "font_size": 14}, height=340,
         xaxis={"title": "revolutions with a tangent" if point.trajectory.settled else "revolutions measured"},
         yaxis={"title": "MLE per revolution"},
         margin={"l": 60, "r": 10, "t": 40, "b": 40})
@@ -188,6 +189,7 @@ def bifurcation_figure(line: Bifurcation, coordinate: str = "X2") -> go.Figure:
     figure.add_hline(y=0, line={"color": NEUTRAL, "dash": "dash", "width": 1}, row=2, col=1)
     at = f"Λ = {line.at:g}" if line.vary == "rotor-mass" else f"{line.at:g} kg"
     body = "journal" if column < 2 else "disc"
+    figure.update_xaxes(range=[line.values.min() - step, line.values.max() + step])
     figure.update_xaxes(title=_LINE_LABELS[line.vary], row=2, col=1)
     figure.update_yaxes(title=f"{coordinate} / C ({body})", row=1, col=1)
     figure.update_yaxes(title="MLE per revolution", range=[-1.0, 0.6], row=2, col=1)
