@@ -15,8 +15,7 @@ import joblib
 import numpy as np
 
 from spab_core.design import Design, InputError, write_atomically
-from spab_core.integrate import is_compiled
-from spab_core.map_engine import cluster_or_processes
+from spab_core.map_engine import cell_values, cluster_or_processes
 from spab_core.point import OperatingPoint, solve_point
 from spab_core.simulate import Settings, check_point
 from spab_core.stability_map import FIELDS, UNREADABLE, map_metadata, npz_bytes
@@ -101,10 +100,7 @@ def _row(point: OperatingPoint) -> dict:
     if point.regime and len(section):
         # a run that settled kept whole periods: they repeat
         kept[:] = np.round(section[np.arange(-SECTION_POINTS, 0) % len(section)], 4)
-    return {"section": kept, "mle": point.mle.value if point.mle else np.nan,
-            "mle_standard_error": point.mle.standard_error if point.mle else np.nan,
-            "regime": point.regime.name if point.regime else "", "period": point.regime.period if point.regime else 0,
-            "status": point.trajectory.status, "contact_share": point.contact_share}
+    return cell_values(point) | {"section": kept}
 
 
 def _sweep(design: Design, points: Sequence[tuple[float, float]], settings: Settings, carry: bool) -> list[dict]:
@@ -161,10 +157,8 @@ def compute_bifurcation(design: Design, vary: str, at: float, values: np.ndarray
         size = _COLD_CHUNK if sweep == "cold" else len(points)
         order = np.arange(len(points))[::-1 if sweep == "down" else 1]
         tasks += [(sweep, order[k:k + size]) for k in range(0, len(points), size)]
-    if workers > 1 and not is_compiled():
-        solve_point(design, *points[0], settings)
     found: dict[str, dict[int, dict]] = {sweep: {} for sweep in sweeps}
-    with cluster_or_processes(workers, None) as run:
+    with cluster_or_processes(workers) as run:
         jobs = (joblib.delayed(_numbered)(k, design, [points[i] for i in order], settings, sweep != "cold")
                 for k, (sweep, order) in enumerate(tasks))
         for k, rows in run(jobs):

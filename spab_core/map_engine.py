@@ -18,9 +18,9 @@ import joblib
 import numpy as np
 
 from spab_core._kernel_cache import solver_hash
-from spab_core.design import Design, InputError, write_atomically
+from spab_core.design import Design, InputError, reference_design, write_atomically
 from spab_core.integrate import is_compiled
-from spab_core.point import solve_point
+from spab_core.point import OperatingPoint, solve_point
 from spab_core.simulate import Settings
 from spab_core.stability_map import FIELDS, UNREADABLE, MapError, StabilityMap, check_plane, map_metadata, npz_bytes
 
@@ -28,22 +28,23 @@ CHUNK_CELLS = 25
 CLUSTER_SECONDS = 20  # for a scheduler to answer and for its first worker
 
 
+def cell_values(point: OperatingPoint) -> dict:
+    """A solved point as the values of a map's cell: one for each name in ``FIELDS``."""
+    mle, regime, trajectory = point.mle, point.regime, point.trajectory
+    return {"mle": mle.value if mle else np.nan, "mle_standard_error": mle.standard_error if mle else np.nan,
+            "regime": regime.name if regime else "", "period": regime.period if regime else 0,
+            "contact_share": point.contact_share, "max_eccentricity": point.max_eccentricity,
+            "status": trajectory.status, "revolutions": trajectory.completed}
+
+
 def _solve_chunk(number: int, design: Design, cells: list[tuple[float, float]],
                  settings: Settings) -> tuple[int, dict[str, np.ndarray]]:
     """Solve (bearing number, rotor mass) cells one after the other; runs in a worker."""
     began = time.perf_counter()
-    rows = []
-    steps = 0
-    for bearing_number, rotor_mass in cells:
-        point = solve_point(design, rotor_mass, bearing_number, settings)
-        steps += point.trajectory.steps
-        mle, regime = point.mle, point.regime
-        rows.append((
-            mle.value if mle else np.nan, mle.standard_error if mle else np.nan, regime.name if regime else "",
-            regime.period if regime else 0, point.contact_share, point.max_eccentricity, point.trajectory.status,
-            point.trajectory.completed))
-    columns = zip(*rows, strict=True)
-    result = {name: np.array(column, dtype) for (name, dtype), column in zip(FIELDS.items(), columns, strict=True)}
+    points = [solve_point(design, rotor_mass, bearing_number, settings) for bearing_number, rotor_mass in cells]
+    rows = [cell_values(point) for point in points]
+    result = {name: np.array([row[name] for row in rows], dtype) for name, dtype in FIELDS.items()}
+    steps = sum(point.trajectory.steps for point in points)
     return number, result | {"seconds": np.array(time.perf_counter() - began), "steps": np.array(steps),
                              "solver": np.array(solver_hash())}
 
@@ -107,10 +108,12 @@ def _locked(folder: Path | None) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def cluster_or_processes(workers: int, cluster: str | None) -> Iterator[joblib.Parallel]:
+def cluster_or_processes(workers: int, cluster: str | None = None) -> Iterator[joblib.Parallel]:
     """joblib's worker processes, or those of a Dask cluster."""
     options = {"return_as": "generator_unordered", "pre_dispatch": "2*n_jobs"}
     if cluster is None:
+        if workers > 1 and not is_compiled():  # once, not once in every worker
+            solve_point(reference_design(), 4.0, 3.0, Settings(transient=0, revolutions=20))
         yield joblib.Parallel(n_jobs=workers, **options)
         return
     try:
@@ -174,8 +177,6 @@ def compute_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarr
         missing = [k for k in range(len(chunks)) if k not in results]
         began = time.perf_counter()
         if missing:
-            if workers > 1 and cluster is None and not is_compiled():
-                solve_point(design, cells[0][1], cells[0][0], settings)  # compile once, not once in every worker
             with cluster_or_processes(workers, cluster) as run:
                 for k, result in run(joblib.delayed(_solve_chunk)(k, design, chunks[k], settings) for k in missing):
                     if str(result.pop("solver")) != solver_hash():
