@@ -47,13 +47,22 @@ def window(period: int) -> int:
     return period * max(2, -(-CHECK_EVERY // period))
 
 
+def repeat_distances(section: np.ndarray, period: int) -> np.ndarray:
+    """Distance, over C, of each section point from its image ``period`` revolutions later, shape (revolutions - period,).
+
+    The largest difference of the first four columns, the positions of journal and disc.
+    """
+    points = section[:, :4]
+    return np.abs(points[period:] - points[:-period]).max(axis=1)
+
+
 def mismatch(section: np.ndarray, period: int) -> float:
     """Largest distance, over C, between section points ``period`` revolutions apart, in the last :func:`window` points.
 
     Parameters
     ----------
     section : ndarray, (revolutions, >= 4)
-        Rotor states at tau = 2 pi k; the first four columns, the positions, are compared.
+        Rotor states at tau = 2 pi k.
     period : int
 
     Returns
@@ -64,8 +73,7 @@ def mismatch(section: np.ndarray, period: int) -> float:
     count = window(period)
     if len(section) < count + period:
         return math.inf
-    points = section[len(section) - count - period:, :4]
-    return float(np.abs(points[period:] - points[:-period]).max())
+    return float(repeat_distances(section[len(section) - count - period:], period).max())
 
 
 def is_near(section: np.ndarray) -> bool:

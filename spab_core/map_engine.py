@@ -120,13 +120,14 @@ def cluster_or_processes(workers: int, cluster: str | None = None) -> Iterator[j
         from distributed import Client
     except ImportError:
         raise InputError("--dask needs the packages dask and distributed: pip install 'spab-core[dask]'") from None
-    try:
-        client = Client(cluster, timeout=CLUSTER_SECONDS)
-        client.wait_for_workers(1, timeout=CLUSTER_SECONDS)
-    except (OSError, ValueError, TypeError, TimeoutError) as error:
-        raise InputError(f"--dask = {cluster[:200]!r}: no scheduler with workers answers there within {CLUSTER_SECONDS} s "
-                         f"({' '.join(str(error).split())[:200]})") from None
-    with client, joblib.parallel_config(backend="dask", client=client):
+    with contextlib.ExitStack() as stack:
+        try:
+            client = stack.enter_context(Client(cluster, timeout=CLUSTER_SECONDS))
+            client.wait_for_workers(1, timeout=CLUSTER_SECONDS)
+        except (OSError, ValueError, TypeError, TimeoutError) as error:
+            raise InputError(f"--dask = {cluster[:200]!r}: no scheduler with workers answers there within {CLUSTER_SECONDS} s "
+                             f"({' '.join(str(error).split())[:200]})") from None
+        stack.enter_context(joblib.parallel_config(backend="dask", client=client))
         yield joblib.Parallel(n_jobs=-1, **options)
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spab_core.floquet import MAX_PERIOD
+from spab_core.floquet import MAX_PERIOD, repeat_distances
 from spab_core.lyapunov import Exponent
 
 REGIMES = ("periodic", "quasi-periodic", "chaotic")
@@ -38,20 +38,19 @@ def section_period(section: np.ndarray, tolerance: float = SECTION_TOLERANCE) ->
     tolerance : float
         Largest distance between a point and its image, over C.
     """
-    points = section[-_WINDOW:, :4]
+    points = section[-_WINDOW:]
     for n in range(1, min(MAX_PERIOD, len(points) // 2) + 1):
-        if np.abs(points[n:] - points[:-n]).max() < tolerance:
+        if repeat_distances(points, n).max() < tolerance:
             return n
     return 0
 
 
 def _settling_period(section: np.ndarray) -> int:
     """Period of a section that still contracts towards its cycle: the smallest n whose mismatch halves over the run."""
-    points = section[:, :4]
     for n in range(1, MAX_PERIOD + 1):
-        if len(points) < 4 * n + 40:
+        if len(section) < 4 * n + 40:
             return 0
-        mismatch = np.abs(points[n:] - points[:-n]).max(axis=1)
+        mismatch = repeat_distances(section, n)
         early, late = mismatch[: len(mismatch) // 4].max(), mismatch[-len(mismatch) // 4:].max()
         if late < 0.5 * early and late < 0.02:
             return n
