@@ -12,7 +12,7 @@ from numba import njit
 from spab_core.design import reference_design
 from spab_core.film import DEFAULT_MESH, build_film
 from spab_core.integrate import Options, advance, build_memory, build_record, rodas_step
-from spab_core.kernels import add_curvature, slope, slope_tangent
+from spab_core.kernels import add_curvature, prepare_curvature, slope, slope_tangent
 from spab_core.linear import linearise, solve
 from spab_core.rotor import build_rotor
 
@@ -31,7 +31,8 @@ def main():
     parts = {
         "slope": (slope, (system, 250.0, u, work, a)),
         "slope and its tangent": (slope_tangent, (system, 250.0, u, v, work, a, b)),
-        "curvature": (add_curvature, (system, u, v, v, 1e-9, work, a)),
+        "prepare the curvature": (prepare_curvature, (system, u, v, work)),
+        "add the curvature": (add_curvature, (system, u, v, v, 1e-9, work, a)),
         "form and factorise I - g J": (linearise, (system, 0.02, u, work)),
         "solve": (solve, (system, work, a)),
         "RODAS4 step": (rodas_step, (*rodas, False)),

@@ -56,16 +56,16 @@ MAX_STEP = REVOLUTION / 8.0
 _MIN_STEP = 1e-10
 _SUBSAMPLES = 4  # of a step, for contact share and largest eccentricity
 
-# RODAS4 in the form of Hairer and Wanner's code: gamma, a_ij, c_ij, alpha_i, gamma_i
+# RODAS4 in the form of Hairer and Wanner's code: gamma, a_ij, gamma c_ij, alpha_i, gamma_i
 _GAMMA = 0.25
 _A = np.array([
     [0, 0, 0, 0, 0],
     [1.544, 0, 0, 0, 0],
     [0.9466785280815826, 0.2557011698983284, 0, 0, 0],
     [3.314825187068521, 2.896124015972201, 0.9986419139977817, 0, 0],
-    [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 0],
-    [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1.0]])
-_C = np.array([
+    [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 0]])
+_ONE = np.ones(1)  # a_6j = a_5j and a_65 = 1: the sixth stage starts where the fifth ends
+_C = _GAMMA * np.array([
     [0, 0, 0, 0, 0],
     [-5.6688, 0, 0, 0, 0],
     [-2.430093356833875, -0.2063599157091915, 0, 0, 0],
@@ -169,25 +169,33 @@ def build_memory(film: Film, method: str = "rodas") -> Memory:
 
 
 @inner
-def _combine(base, stages, first, count, weights, out):
-    """out = base + sum of weights[k] stages[first + k]."""
-    for k in range(0, out.size, WIDTH):
-        total = vload(base, k)
+def _sum_of(scale, base, share, extra, stages, first, count, weights, out):
+    """The sum of :func:`_weighted_sum` over ``count`` stages, a constant that lets the compiler unroll it."""
+    size = out.size
+    for k in range(0, size, WIDTH):
+        total = vload(base, k) * scale
+        if share != 0.0:
+            total = total + vload(extra, k) * share
         for j in range(count):
-            if weights[j] != 0.0:
-                total = total + vload(stages[first + j], k) * weights[j]
+            total = total + vload(stages, (first + j) * size + k) * weights[j]
         vstore(out, k, total)
 
 
 @inner
-def _right_side(stages, first, count, weights, scale, change, out):
-    """out = gamma (scale change + sum of weights[k] stages[first + k])."""
-    for k in range(0, out.size, WIDTH):
-        total = vload(change, k) * scale
-        for j in range(count):
-            if weights[j] != 0.0:
-                total = total + vload(stages[first + j], k) * weights[j]
-        vstore(out, k, total * _GAMMA)
+def _weighted_sum(scale, base, share, extra, stages, first, count, weights, out):
+    """out = scale base + share extra + sum over j < count of weights[j] stages[first + j]; ``stages`` is flat."""
+    if count == 0:
+        _sum_of(scale, base, share, extra, stages, first, 0, weights, out)
+    elif count == 1:
+        _sum_of(scale, base, share, extra, stages, first, 1, weights, out)
+    elif count == 2:
+        _sum_of(scale, base, share, extra, stages, first, 2, weights, out)
+    elif count == 3:
+        _sum_of(scale, base, share, extra, stages, first, 3, weights, out)
+    elif count == 4:
+        _sum_of(scale, base, share, extra, stages, first, 4, weights, out)
+    else:
+        _sum_of(scale, base, share, extra, stages, first, 5, weights, out)
 
 
 @kernel
@@ -202,23 +210,27 @@ def rodas_step(system, work, stages, series, t, h, u, v, with_tangent):
     time_slope(system, t, rate)
     if with_tangent:
         prepare_curvature(system, u, v, work)
+    flat = stages.reshape(-1)
     for i in range(6):
-        _combine(u, stages, 0, i, _A[i], new)
-        right = stages[i]
+        if i < 5:
+            _weighted_sum(1.0, u, 0.0, u, flat, 0, i, _A[i], new)
+        else:
+            _weighted_sum(1.0, new, 0.0, new, flat, 4, 1, _ONE, new)
         if with_tangent:
-            _combine(v, stages, 6, i, _A[i], new_v)
+            if i < 5:
+                _weighted_sum(1.0, v, 0.0, v, flat, 6, i, _A[i], new_v)
+            else:
+                _weighted_sum(1.0, new_v, 0.0, new_v, flat, 10, 1, _ONE, new_v)
             inside = slope_tangent(system, t + _ALPHA[i] * h, new, new_v, work, du, dv)
         else:
             inside = slope(system, t + _ALPHA[i] * h, new, work, du)
         if not inside:
             return math.inf
-        _right_side(stages, 0, i, _C[i], h, du, right)
-        for k in range(0, right.size, WIDTH):
-            vstore(right, k, vload(right, k) + vload(rate, k) * (_GAMMA * h * h * _GAMMA_I[i]))
+        _weighted_sum(_GAMMA * h, du, _GAMMA * h * h * _GAMMA_I[i], rate, flat, 0, i, _C[i], stages[i])
         for part in range(2 if with_tangent else 1):
             if part == 1:
-                _right_side(stages, 6, i, _C[i], h, dv, stages[6 + i])
-                add_curvature(system, u, v, right, _GAMMA * h, work, stages[6 + i])
+                _weighted_sum(_GAMMA * h, dv, 0.0, rate, flat, 6, i, _C[i], stages[6 + i])
+                add_curvature(system, u, v, stages[i], _GAMMA * h, work, stages[6 + i])
             solve(system, work, stages[6 * part + i])
     size, wrong = splat(0.0), splat(0.0)
     for k in range(0, new.size, WIDTH):

@@ -15,7 +15,7 @@ import numpy as np
 
 from spab_core.film import Film, film_size
 from spab_core.rotor import ROTOR_STATES
-from spab_core.simd import WIDTH, aligned_zeros, inner, kernel, splat, vload, vmin, vstore, vsum
+from spab_core.simd import WIDTH, aligned_zeros, inner, kernel, next_rows, previous_rows, splat, vload, vmin, vstore, vsum
 
 CENTRE = 1e-9  # below this eccentricity the direction of the contact force has no meaning; the force is left out
 
@@ -351,22 +351,20 @@ def add_curvature(system, u, v, w, scale, work, out):
     """out += scale * d²f(u)[v, w], the second derivative of the slope, after :func:`prepare_curvature` for ``v``."""
     film, rotor = system
     mp, columns = film.padded, film.columns
-    n, stride = columns * mp, mp + WIDTH
-    copy = work.tdq  # with ghosts at both ends of a column, where the coefficients are zero
-    for j in range(columns):
-        for i in range(0, mp, WIDTH):
-            vstore(copy, WIDTH + j * stride + i, vload(w, j * mp + i))
+    n = columns * mp
     fx, fy = splat(0.0), splat(0.0)
     wx, wy = w[n], w[n + 1]
     last = columns - 1
     for j in range(columns):
         je, jw = (j + 1 if j < last else 0), (j - 1 if j > 0 else last)
         for i in range(0, mp, WIDTH):
-            o, k = WIDTH + j * stride + i, j * mp + i
+            k = j * mp + i
             here = vload(w, k)
+            # the first and last cell of a column have no neighbour: there the coefficient is zero
+            over, under = next_rows(here, vload(w, k + WIDTH)), previous_rows(vload(w, max(k - WIDTH, 0)), here)
             total = vload(work.own, k) * here + vload(work.bend_x, k) * wx + vload(work.bend_y, k) * wy
             total = total + vload(work.east, k) * vload(w, je * mp + i) + vload(work.west, k) * vload(w, jw * mp + i)
-            total = total + vload(work.above, k) * vload(copy, o + 1) + vload(work.below, k) * vload(copy, o - 1)
+            total = total + vload(work.above, k) * over + vload(work.below, k) * under
             vstore(out, k, vload(out, k) + scale * total)
             push = vload(work.push, k) * here
             fx, fy = fx - push * film.cos[j], fy - push * film.sin[j]

@@ -11,7 +11,7 @@ from __future__ import annotations
 from spab_core.kernels import contact
 from spab_core.simd import WIDTH, block_times, inner, invert_two, splat, spread, vload, vstore, vsum
 
-NEGLIGIBLE = 1e-11  # couplings dropped in the elimination, relative to the unit matrix
+NEGLIGIBLE = 1e-9  # couplings dropped in the elimination, relative to the unit matrix
 
 
 @inner

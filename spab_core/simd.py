@@ -151,6 +151,25 @@ def _negate(a):
     return None
 
 
+def _neighbour(first):
+    @intrinsic
+    def shifted(typingctx, a, b):
+        if a != f64x8 or b != f64x8:
+            return None
+
+        def codegen(context, builder, signature, args):
+            lanes = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), list(range(first, first + WIDTH)))
+            return builder.shuffle_vector(args[0], args[1], lanes)
+
+        return f64x8(a, b), codegen
+
+    return shifted
+
+
+next_rows = _neighbour(1)  # (a, b): elements 1 to 7 of a and 0 of b
+previous_rows = _neighbour(WIDTH - 1)  # (a, b): element 7 of a and 0 to 6 of b
+
+
 @intrinsic
 def vmin(typingctx, a, b):
     """The smaller of each pair of elements."""
@@ -243,5 +262,5 @@ def aligned_zeros(n):
     return raw[start:start + n]
 
 
-__all__ = ["WIDTH", "aligned_zeros", "block_times", "f64x8", "inner", "invert_two", "kernel", "splat", "spread", "vload",
+__all__ = ["WIDTH", "aligned_zeros", "block_times", "f64x8", "inner", "invert_two", "kernel", "next_rows", "previous_rows", "splat", "spread", "vload",
            "vmin", "vstore", "vsum"]
