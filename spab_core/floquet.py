@@ -3,7 +3,8 @@
 Near a periodic orbit of n revolutions the tangents a period apart obey v[k + 1] = A v[k] with one and the same monodromy A.
 After some revolutions few modes are left, and consecutive tangents satisfy a linear recurrence whose roots are the leading
 multipliers (Krylov, 1931: the same idea as Arnoldi's method and dynamic mode decomposition). An orbit that repeats and whose
-multipliers lie inside the unit circle attracts: running on cannot change the answer, so the run may stop.
+multipliers lie inside the unit circle attracts: running on cannot change the answer, so the run may stop. One with a
+multiplier outside is unstable: no rotor stays there, and a run that came close is pushed off (:func:`push`).
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ CHECK_EVERY = 12  # revolutions
 NEAR = 3e-3  # mismatch of the section, over C, from which on the tangent is worth its cost
 DISTANCE = 5e-4  # largest distance of a settled orbit from its limit, over C
 _RESIDUAL = 2e-3  # of the recurrence
+UNSTABLE = 0.001  # rate per revolution from which on a repeating orbit is called unstable
+PUSH = 0.05  # off an unstable orbit: displacement over C, and relative change of the gas content
 _ORDERS = 4  # most modes told apart
 _FITS = 4  # successive tangents that must obey the same recurrence
 MEMORY = MAX_PERIOD * (_FITS + 1)  # tangents worth keeping
@@ -25,7 +28,7 @@ MEMORY = MAX_PERIOD * (_FITS + 1)  # tangents worth keeping
 
 @dataclass(frozen=True)
 class Settled:
-    """A periodic orbit that a run has reached.
+    """A periodic orbit that a run has reached: an attractor if ``rate`` is negative, else unstable.
 
     Attributes
     ----------
@@ -133,7 +136,8 @@ def find_settled(section: np.ndarray, tangent: np.ndarray, growth: np.ndarray,
     """The periodic orbit that a run has reached, if it has.
 
     The smallest period whose section mismatch, divided by one less the leading multiplier, the distance to the limit, is under
-    :data:`DISTANCE`, with a negative rate that has not changed by more than 1 % and 0.001 since the check before.
+    :data:`DISTANCE`, with a negative rate that has not changed by more than 1 % and 0.001 since the check before; or one as
+    close with a rate over :data:`UNSTABLE`.
 
     Parameters
     ----------
@@ -156,9 +160,25 @@ def find_settled(section: np.ndarray, tangent: np.ndarray, growth: np.ndarray,
         if rate is None:
             continue
         rates[period] = rate
-        if rate >= 0.0 or gap > -math.expm1(period * rate) * DISTANCE or period not in before:
+        if period not in before or (rate < 0.0 and gap > -math.expm1(period * rate) * DISTANCE) or 0.0 <= rate < UNSTABLE:
             continue
         change = abs(rate - before[period])
         if change < 0.001 + 0.01 * abs(rate):
             return Settled(period, rate, change)
     return None
+
+
+def push(state: np.ndarray, tangent: np.ndarray) -> None:
+    """Displace a state along the direction in which it leaves an unstable orbit, in place.
+
+    By :data:`PUSH`, less where the journal is so close to the wall that this would take it more than half the way there.
+
+    Parameters
+    ----------
+    state, tangent : ndarray, (n + 8,)
+        Gas content of the film, then the rotor (:mod:`spab_core.kernels`).
+    """
+    gas, journal = state[:-8], tangent[-8:-6]
+    room = 0.5 * (1.0 - np.hypot(*state[-8:-6]))
+    largest = max(np.abs(tangent[:-8][gas > 0.0] / gas[gas > 0.0]).max(), np.abs(tangent[-8:]).max())
+    state += min(PUSH / largest, room / max(np.hypot(*journal), 1e-300)) * tangent

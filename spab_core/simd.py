@@ -262,5 +262,5 @@ def aligned_zeros(n):
     return raw[start:start + n]
 
 
-__all__ = ["WIDTH", "aligned_zeros", "block_times", "f64x8", "inner", "invert_two", "kernel", "next_rows", "previous_rows", "splat", "spread", "vload",
-           "vmin", "vstore", "vsum"]
+__all__ = ["WIDTH", "aligned_zeros", "block_times", "f64x8", "inner", "invert_two", "kernel", "next_rows", "previous_rows",
+           "splat", "spread", "vload", "vmin", "vstore", "vsum"]

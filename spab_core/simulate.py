@@ -12,7 +12,7 @@ import numpy as np
 
 from spab_core.design import Design, DesignError, check_number
 from spab_core.film import DEFAULT_MESH, SCHEMES, Mesh, build_film, film_size, parse_mesh
-from spab_core.floquet import CHECK_EVERY, MEMORY, Settled, find_settled, is_near, window
+from spab_core.floquet import CHECK_EVERY, MEMORY, Settled, find_settled, is_near, push, window
 from spab_core.integrate import (
     DEFAULT_TOLERANCE,
     METHODS,
@@ -53,7 +53,8 @@ class Settings:
     scheme : str
         Film differences, ``fitted`` or ``plain`` (:func:`spab_core.film.build_film`).
     early_stop : bool
-        Stop where the run has settled on a periodic orbit (:mod:`spab_core.floquet`).
+        Stop where the run has settled on a periodic orbit, and push it off an unstable one in the first half of the transient
+        (:mod:`spab_core.floquet`).
     """
 
     mesh: Mesh = DEFAULT_MESH
@@ -187,7 +188,7 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
     done, status, tangent = 0, OK, False
     records: list[Record] = []  # of the chunks so far
     first_tangent = total  # first revolution with a tangent
-    settled, rates = None, dict[int, float]()
+    settled, rates, pushed = None, dict[int, float](), False
 
     def run(count, keep=False):
         nonlocal done, status
@@ -222,7 +223,13 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
                     tangent, first_tangent = True, done
             else:
                 rows = min(MEMORY, done - first_tangent)
-                settled = find_settled(section, last("tangent", rows), last("growth", rows), rates)
+                found = find_settled(section, last("tangent", rows), last("growth", rows), rates)
+                if found and found.rate < 0.0:
+                    settled = found
+                elif found and not pushed and done <= transient // 2:
+                    push(memory.state, memory.tangent)
+                    memory.control[0] = memory.control[3] = 0.0  # the step is sought anew
+                    pushed = True
     measured = window(settled.period) if settled else max(done - transient, 0)
     if kept and status == OK:
         run(kept, keep=True)

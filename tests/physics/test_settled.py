@@ -65,6 +65,19 @@ def test_chaos_and_tori_are_never_stopped_early(design):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("mass, number", [(0.2, 3.45), (0.3, 5.0)])
+def test_an_unstable_orbit_is_left(design, mass, number):
+    """A light rotor starts almost on the small orbit of its unbalance, which is unstable, but so weakly that hundreds of
+    revolutions may still lie on it. The long run, left alone, shows the attractor: a whirl."""
+    left_alone = solve_point(design, mass, number, Settings(early_stop=False, transient=0, revolutions=60))
+    long = solve_point(design, mass, number, Settings(early_stop=False, transient=3000, revolutions=200))
+    point = solve_point(design, mass, number, Settings(revolutions=300))
+    assert left_alone.max_eccentricity < 0.05 and long.max_eccentricity > 0.7
+    assert point.max_eccentricity == pytest.approx(long.max_eccentricity, abs=0.02)
+    assert abs(point.mle.value) < 0.005
+
+
+@pytest.mark.slow
 def test_a_light_mode_that_the_orbit_does_not_excite_is_resolved(design):
     """18.69 kg, Lambda 0.388: the shaft swings many times a revolution while the orbit stands still. Steps for the orbit alone
     damp that mode (-1.83 at 16 steps a revolution); the limit of small steps is -1.292."""

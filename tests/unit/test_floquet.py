@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from spab_core.floquet import find_settled, is_near, leading_rate, mismatch, window
+from spab_core.floquet import PUSH, find_settled, is_near, leading_rate, mismatch, push, window
 
 
 def tangents(monodromy, count, period=1):
@@ -83,11 +83,28 @@ def test_settled_needs_a_repeating_section_a_negative_rate_and_two_checks():
     far = section_of(points, 100, 0.04, -0.02)
     assert 1e-4 < mismatch(far, 2) < 5e-4 and is_near(far)
     assert find_settled(far, tangent, growth, dict(rates)) is None
-    # an unstable orbit is not settled, however well it repeats
-    tangent, growth = tangents(with_eigenvalues((1.1, 0.2, 0.1)), 60, 2)
-    rates = {}
-    assert find_settled(good, tangent, growth, rates) is None
-    assert find_settled(good, tangent, growth, rates) is None and rates[2] > 0.0
+    # an unstable orbit is told by its positive rate; a neutral one is nothing
+    for multiplier in (1.1, 1.0005):
+        tangent, growth = tangents(with_eigenvalues((multiplier, 0.2, 0.1)), 60, 2)
+        rates = {}
+        assert find_settled(good, tangent, growth, rates) is None
+        found = find_settled(good, tangent, growth, rates)
+        assert rates[2] == pytest.approx(0.5 * math.log(multiplier), abs=1e-6)
+        assert (found.rate == rates[2]) if multiplier == 1.1 else (found is None)
+
+
+@given(st.floats(0.0, 0.999), st.floats(-math.pi, math.pi), st.integers(0, 99))
+def test_a_push_keeps_gas_and_clearance(eccentricity, angle, seed):
+    random = np.random.default_rng(seed)
+    state, tangent = random.uniform(0.01, 3.0, 40), random.standard_normal(40)
+    state[4] = tangent[4] = 0.0  # a padded cell
+    state[-8:-6] = eccentricity * math.cos(angle), eccentricity * math.sin(angle)
+    pushed = state.copy()
+    push(pushed, tangent)
+    change = pushed - state
+    assert np.hypot(*pushed[-8:-6]) < 1.0 and (pushed[:4] > 0.0).all() and (pushed[5:-8] > 0.0).all() and pushed[4] == 0.0
+    assert np.abs(change[-8:]).max() <= PUSH * (1.0 + 1e-9)
+    assert np.linalg.matrix_rank(np.array([change, tangent]), tol=1e-12) == 1  # along the tangent
 
 
 def test_a_torus_is_neither_near_nor_settled():
