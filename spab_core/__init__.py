@@ -19,6 +19,8 @@ stability       Static equilibrium, stiffness, linear whirl threshold
 stability_map   A plane of operating points -> StabilityMap; save, load, check
 map_engine      Computes maps: chunks, resume, processes or a Dask cluster
 bifurcation     A line of operating points, swept cold, up and down -> Bifurcation
+surrogates      Models that predict a map from some of its cells: the paper's, interpolation, better ones
+evaluation      How well they do: the paper's metrics, tables and ranking
 artifacts       What is shipped, with checksums
 figures         Plotly figures from results
 ui              The only part that knows Streamlit

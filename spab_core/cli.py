@@ -65,7 +65,7 @@ def _build_parser() -> argparse.ArgumentParser:
         sub.add_argument("--scheme", default="fitted", help=f"film differences: {' or '.join(SCHEMES)}")
         sub.add_argument("--tolerance", type=_number, default=DEFAULT_TOLERANCE, help="largest error estimate of a step")
         sub.add_argument("--full-length", action="store_true",
-                         help="integrate all revolutions, also where the run has settled on a periodic orbit before")
+                         help="integrate all revolutions: do not stop on a settled periodic orbit, nor leave an unstable one")
 
     sub = command("simulate", "solve one operating point: regime and maximum Lyapunov exponent")
     sub.add_argument("--rotor-mass", type=_number, required=True, help="kg on one bearing")

@@ -1,0 +1,165 @@
+"""How well surrogates predict: the paper's metrics and tables, with held-out cells beside the whole map, and a ranking."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Sequence
+
+import joblib
+import numpy as np
+import pandas as pd
+from scipy.stats import ttest_rel
+
+from spab_core.stability_map import StabilityMap
+from spab_core.surrogates import DIVISORS, MODELS, Model, predict_map
+
+SEEDS = tuple(range(10))
+METRICS = ("rmse", "mae")
+SIGNIFICANT = 0.05  # a difference with a larger p is a tie
+# the paper's table 1, RMSE for n/2 ... n/8, in the unit of its map, which it does not tell
+PAPER_RMSE = {
+    "mlp": (0.85, 0.85, 0.85, 0.96, 0.87, 0.85, 0.84), "svr": (0.98, 0.99, 0.98, 0.98, 0.99, 0.99, 0.99),
+    "tree": (0.51, 0.59, 0.64, 0.70, 0.72, 0.74, 0.78), "forest": (0.45, 0.51, 0.56, 0.58, 0.60, 0.63, 0.63),
+}
+
+
+def rmse(truth: np.ndarray, predicted: np.ndarray) -> float:
+    """Root mean square error, eq. (8) of the paper, in the unit of its arguments (arrays of one shape)."""
+    return float(np.sqrt(np.mean((np.asarray(truth) - np.asarray(predicted))**2)))
+
+
+def mae(truth: np.ndarray, predicted: np.ndarray) -> float:
+    """Mean absolute error, eq. (9) of the paper, in the unit of its arguments (arrays of one shape)."""
+    return float(np.mean(np.abs(np.asarray(truth) - np.asarray(predicted))))
+
+
+def score(m: StabilityMap, kind: Model, divisor: int, seed: int) -> dict:
+    """Errors of one model trained on 1/divisor of a map.
+
+    Returns
+    -------
+    dict
+        ``model``, ``divisor``, ``seed``; ``rmse_all``, ``mae_all`` over all cells, training cells included (the paper's way);
+        ``rmse_held_out``, ``mae_held_out`` over the others; ``train_seconds``, ``predict_seconds``, ``converged``.
+    """
+    predicted = predict_map(m, kind, divisor, seed)
+    solved = np.isfinite(m.mle)
+    held_out = solved & ~predicted.trained
+    found = {"model": kind.name, "divisor": divisor, "seed": seed}
+    for name, function in (("rmse", rmse), ("mae", mae)):
+        found[f"{name}_all"] = function(m.mle[solved], predicted.mle[solved])
+        found[f"{name}_held_out"] = function(m.mle[held_out], predicted.mle[held_out])
+    return found | {"train_seconds": predicted.surrogate.seconds, "predict_seconds": predicted.predict_seconds,
+                    "converged": predicted.surrogate.converged}
+
+
+def evaluate(m: StabilityMap, models: Iterable[Model] = tuple(MODELS.values()), divisors: Sequence[int] = DIVISORS,
+             seeds: Sequence[int] = SEEDS, *, workers: int = 1, progress: Callable[[int], None] | None = None) -> pd.DataFrame:
+    """Scores of models x training fractions x seeds, one row each, as in :func:`score`.
+
+    Parameters
+    ----------
+    m : StabilityMap
+    models : iterable of Model
+    divisors, seeds : sequence of int
+    workers : int
+        Processes.
+    progress : callable
+        Called with the number of rows done since the last call.
+
+    Returns
+    -------
+    DataFrame
+        Sorted by model, divisor and seed, whatever the number of workers.
+    """
+    kinds = list(models)
+    jobs = [(kind.name, divisor, seed) for kind in kinds for divisor in divisors for seed in seeds]
+    rows = []
+    run = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", pre_dispatch="2*n_jobs")
+    for row in run(joblib.delayed(_score_by_name)(m, *job) for job in jobs):
+        rows.append(row)
+        if progress:
+            progress(1)
+    order = {kind.name: k for k, kind in enumerate(kinds)}
+    rows.sort(key=lambda row: (order[row["model"]], row["divisor"], row["seed"]))
+    return pd.DataFrame(rows)
+
+
+def _score_by_name(m, name, divisor, seed):
+    return score(m, MODELS[name], divisor, seed)  # models hold functions, which do not travel to another process
+
+
+def table(scores: pd.DataFrame, metric: str) -> pd.DataFrame:
+    """A table like the paper's: rows n/2 ... n/8, Average, Standard deviation (n - 1), Max - Min; a column for each model.
+
+    Parameters
+    ----------
+    scores : DataFrame
+        Of :func:`evaluate`.
+    metric : str
+        A column of it, such as ``rmse_held_out``; entries are means over seeds.
+    """
+    means = scores.pivot_table(index="divisor", columns="model", values=metric, aggfunc="mean", sort=False).sort_index()
+    rows = means.set_axis([f"n/{k}" for k in means.index])
+    summary = pd.DataFrame({"Average": means.mean(), "Standard deviation": means.std(ddof=1),
+                            "Max - Min": means.max() - means.min()}).T
+    return pd.concat([rows, summary])
+
+
+def spread(scores: pd.DataFrame, metric: str) -> pd.DataFrame:
+    """Standard deviation over seeds (n - 1) of a metric: rows n/2 ... n/8, a column for each model."""
+    found = scores.pivot_table(index="divisor", columns="model", values=metric, aggfunc="std", sort=False).sort_index()
+    return found.set_axis([f"n/{k}" for k in found.index])
+
+
+def is_tie(scores: pd.DataFrame, metric: str, first: str, second: str) -> bool:
+    """Whether two models' averages over the fractions differ by chance: Student's t test, paired by seed; one seed is a tie."""
+    by_seed = scores.pivot_table(index="seed", columns="model", values=metric, aggfunc="mean")
+    difference = (by_seed[first] - by_seed[second]).to_numpy()
+    if len(difference) < 2 or np.ptp(difference) == 0.0:
+        return len(difference) < 2 or difference[0] == 0.0
+    return bool(ttest_rel(by_seed[first], by_seed[second]).pvalue > SIGNIFICANT)
+
+
+def ranking(scores: pd.DataFrame, kind: str = "held_out") -> pd.DataFrame:
+    """Models from best to worst.
+
+    Parameters
+    ----------
+    scores : DataFrame
+        Of :func:`evaluate`.
+    kind : str
+        ``held_out`` or ``all``: which cells count.
+
+    Returns
+    -------
+    DataFrame
+        Indexed by model, in the order of ``rmse``: ``rmse``, ``mae`` (averages over fractions and seeds), ``spread`` (standard
+        deviation of the RMSE over the fractions), the rank by each, and ``tied``, whether the RMSE differs from that of the
+        model above by chance only.
+    """
+    tables = {name: table(scores, f"{name}_{kind}") for name in METRICS}
+    found = pd.DataFrame({"rmse": tables["rmse"].loc["Average"], "mae": tables["mae"].loc["Average"],
+                          "spread": tables["rmse"].loc["Standard deviation"]})
+    for name in ("rmse", "mae", "spread"):
+        found[f"rank_{name}"] = found[name].rank(method="min").astype(int)
+    found = found.sort_values("rmse")
+    names = list(found.index)
+    found["tied"] = [False] + [is_tie(scores, f"rmse_{kind}", a, b) for a, b in itertools.pairwise(names)]
+    return found
+
+
+def suggestion(ranked: pd.DataFrame) -> str:
+    """The ranking in one sentence."""
+    names = list(ranked.index)
+    best = [names[0]]
+    for name in names[1:]:
+        if not ranked.loc[name, "tied"]:
+            break
+        best.append(name)
+    row = ranked.loc[best[0]]
+    text = (f"Best by RMSE: {MODELS[best[0]].label}, on average {row['rmse']:.3f} per revolution, MAE {row['mae']:.3f}, "
+            "over the training fractions")
+    if len(best) > 1:
+        text += f"; {', '.join(MODELS[name].label for name in best[1:])}: no worse but for chance"
+    return text + "."
