@@ -5,10 +5,9 @@ import streamlit as st
 from spab_core.design import InputError
 from spab_core.figures import LAYERS, exponent_figure, orbit_figure, section_figure
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
-from spab_core.ui.shared import live_point, marked_map_figure, reference_map
+from spab_core.ui.shared import live_point, marked_map_figure, page_head, reference_map
 
-st.set_page_config(page_title="spab: stability map", page_icon="◍", layout="wide")
-st.html("<style>.block-container{padding-top:2.2rem;padding-bottom:1rem}</style>")
+page_head("stability map")
 
 try:
     m = reference_map()

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 from pathlib import Path
+
+import pandas as pd
 
 from spab_core.bifurcation import Bifurcation, load_bifurcation
 from spab_core.design import InputError, write_atomically
@@ -12,6 +15,7 @@ from spab_core.stability_map import StabilityMap, load_map
 
 ARTIFACTS = Path(__file__).resolve().parent.parent / "artifacts"
 REFERENCE_MAP = "reference_map.npz"
+SCORES = "surrogate_scores.csv"
 BIFURCATIONS = ("bifurcation_rotor_mass.npz", "bifurcation_bearing_number.npz")  # at Lambda 3.45, at 4.52 kg
 
 
@@ -67,6 +71,17 @@ def load_reference_map(folder: Path = ARTIFACTS) -> StabilityMap:
 def load_reference_bifurcation(name: str, folder: Path = ARTIFACTS) -> Bifurcation:
     """A shipped line of :data:`BIFURCATIONS`. Raises :class:`ArtifactError` or ``InputError``."""
     return load_bifurcation(checked_path(name, folder))
+
+
+def load_reference_scores(folder: Path = ARTIFACTS) -> pd.DataFrame:
+    """The shipped scores of all surrogates on the reference map (``evaluation.evaluate``). Raises :class:`ArtifactError`."""
+    try:
+        scores = pd.read_csv(io.BytesIO(checked_path(SCORES, folder).read_bytes()))
+        if scores.empty or not {"model", "divisor", "seed", "rmse_held_out", "converged"} <= set(scores.columns):
+            raise ValueError("columns are missing")
+    except (OSError, ValueError) as error:
+        raise ArtifactError(f"cannot read {SCORES}: {error}") from None
+    return scores
 
 
 if __name__ == "__main__":

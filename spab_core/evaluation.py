@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 from scipy.stats import ttest_rel
 
+from spab_core.regimes import REGIMES
 from spab_core.stability_map import StabilityMap
-from spab_core.surrogates import DIVISORS, MODELS, Model, predict_map
+from spab_core.surrogates import DIVISORS, MODELS, Model, PredictedMap, predict_map
 
 SEEDS = tuple(range(10))
 METRICS = ("rmse", "mae")
@@ -163,3 +164,30 @@ def suggestion(ranked: pd.DataFrame) -> str:
     if len(best) > 1:
         text += f"; {', '.join(MODELS[name].label for name in best[1:])}: no worse but for chance"
     return text + "."
+
+
+def error_by_regime(m: StabilityMap, predicted: PredictedMap) -> pd.DataFrame:
+    """Where the error lives: held-out cells by the regime that the solver found, and those beside another regime.
+
+    Returns
+    -------
+    DataFrame
+        Rows: the regimes there are, and "at a border" (another regime among the four neighbours); columns ``cells``, ``rmse``,
+        ``mae``, and ``share`` of the sum of squares.
+    """
+    held_out = np.isfinite(m.mle) & ~predicted.trained
+    border = np.zeros(m.shape, bool)
+    for axis in (0, 1):
+        first, second = (np.take(m.regime, range(k, m.shape[axis] - 1 + k), axis) for k in (0, 1))
+        differs = first != second
+        pad = [(0, 1) if a == axis else (0, 0) for a in (0, 1)]
+        border |= np.pad(differs, pad) | np.pad(differs, [p[::-1] for p in pad])
+    squares = (m.mle - predicted.mle)**2
+    rows = {}
+    for name, mask in [*((r, m.regime == r) for r in REGIMES), ("at a border", border)]:
+        chosen = held_out & mask
+        if chosen.any():
+            rows[name] = {"cells": int(chosen.sum()), "rmse": rmse(m.mle[chosen], predicted.mle[chosen]),
+                          "mae": mae(m.mle[chosen], predicted.mle[chosen]),
+                          "share": float(squares[chosen].sum() / max(squares[held_out].sum(), 1e-300))}
+    return pd.DataFrame.from_dict(rows, orient="index", columns=["cells", "rmse", "mae", "share"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
@@ -10,6 +11,7 @@ from spab_core.bifurcation import Bifurcation, chaotic_intervals
 from spab_core.point import OperatingPoint
 from spab_core.regimes import Regime
 from spab_core.stability_map import StabilityMap
+from spab_core.surrogates import MODELS, PredictedMap
 
 LAYERS = ("MLE", "Regime", "Contact share")
 JOURNAL, DISC, SECTION, NEUTRAL = "#0072B2", "#E69F00", "#D55E00", "#808080"
@@ -197,3 +199,59 @@ def bifurcation_figure(line: Bifurcation, coordinate: str = "X2") -> go.Figure:
         title={"text": f"Section at τ = 2πk, {at}; shaded: chaotic ({next(iter(line.branches))})", "font_size": 14}, height=620,
         margin={"l": 70, "r": 10, "t": 45, "b": 50}, legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0.55,
                                                               "itemsizing": "constant"})
+
+
+def surrogate_figure(m: StabilityMap, predicted: PredictedMap) -> go.Figure:
+    """Solved map, predicted map and the absolute error of the prediction, side by side on the same axes.
+
+    Parameters
+    ----------
+    m : StabilityMap
+    predicted : PredictedMap
+
+    Returns
+    -------
+    Figure
+        Three heatmaps; the first two share the diverging scale of :func:`map_figure`. Training cells have no error to show.
+    """
+    error = np.where(predicted.trained, np.nan, np.abs(predicted.mle - m.mle))
+    top = max(float(np.nanquantile(error, 0.98)), 1e-3) if np.isfinite(error).any() else 1.0
+    figure = make_subplots(rows=1, cols=3, shared_yaxes=True, horizontal_spacing=0.02,
+                           subplot_titles=("Solved", f"Predicted: {predicted.model.label}", "Error of held-out cells"))
+    figure.update_layout(
+        coloraxis={"colorscale": "RdBu_r", "cmin": -MLE_LIMIT, "cmax": MLE_LIMIT,
+                   "colorbar": {"title": "MLE per revolution", "thickness": 12, "x": 1.01, "title_side": "right"}},
+        coloraxis2={"colorscale": "Cividis", "cmin": 0.0, "cmax": top,
+                    "colorbar": {"title": "|error| per revolution", "thickness": 12, "x": 1.09, "title_side": "right"}})
+    for k, (z, axis) in enumerate(((m.mle, "coloraxis"), (predicted.mle, "coloraxis"), (error, "coloraxis2")), start=1):
+        figure.add_heatmap(x=m.bearing_number, y=m.rotor_mass, z=z.T.astype(np.float32), coloraxis=axis, row=1, col=k,
+                           hovertemplate="Λ %{x:.3f}, %{y:.2f} kg: %{z:.3f}<extra></extra>")
+        figure.update_xaxes(title=BEARING_NUMBER_LABEL, showgrid=False, row=1, col=k)
+    figure.update_yaxes(showgrid=False)
+    figure.update_yaxes(title=MASS_LABEL, row=1, col=1)
+    return figure.update_layout(height=430, margin={"l": 60, "r": 10, "t": 40, "b": 50}, dragmode="zoom")
+
+
+_MODEL_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#808080", "#56B4E9", "#CC79A7", "#a08000", "#6050c0", "#30a0a0")
+
+
+def fraction_figure(means: pd.DataFrame, deviations: pd.DataFrame, label: str) -> go.Figure:
+    """A metric over the training fraction, a line for each model with its spread over the seeds.
+
+    Parameters
+    ----------
+    means, deviations : DataFrame
+        Rows n/2 ... n/8, a column for each model (``evaluation.table`` without its last three rows, ``evaluation.spread``).
+    label : str
+        Of the vertical axis, with its unit.
+    """
+    figure = go.Figure()
+    order = list(MODELS)
+    for name in means.columns:
+        k = order.index(name)
+        dash = {"paper": "solid", "interpolation": "dot", "better": "dash"}[MODELS[name].group]
+        figure.add_scatter(x=list(means.index), y=means[name], mode="lines+markers", name=MODELS[name].label,
+                           line={"color": _MODEL_COLOURS[k % len(_MODEL_COLOURS)], "dash": dash},
+                           error_y={"type": "data", "array": deviations[name].fillna(0.0), "thickness": 1, "width": 3})
+    return figure.update_layout(xaxis={"title": "cells trained on, of n"}, yaxis={"title": label, "rangemode": "tozero"},
+                                height=420, margin={"l": 60, "r": 10, "t": 20, "b": 50})

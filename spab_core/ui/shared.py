@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import pandas as pd
 import plotly.graph_objects as go
 import streamlit as st
 
-from spab_core.artifacts import ARTIFACTS, REFERENCE_MAP, load_reference_map
+from spab_core.artifacts import ARTIFACTS, REFERENCE_MAP, load_reference_map, load_reference_scores
 from spab_core.design import Design
 from spab_core.figures import map_figure, mark_cell, mark_point
 from spab_core.integrate import is_compiled
 from spab_core.point import OperatingPoint, solve_point
 from spab_core.simulate import Settings
 from spab_core.stability_map import StabilityMap
+from spab_core.surrogates import PredictedMap, model, predict_map
 
 LIVE = Settings(transient=200, revolutions=200)
 LIVE_PATHS = 30
+
+
+def page_head(title: str) -> None:
+    """What every page begins with; ``title`` is shown in the browser's tab."""
+    st.set_page_config(page_title=f"spab: {title}", page_icon="◍", layout="wide")
+    st.html("<style>.block-container{padding-top:2.2rem;padding-bottom:1rem}</style>")
 
 
 @st.cache_resource(show_spinner=False)
@@ -57,3 +65,19 @@ def live_point(design: Design, rotor_mass: float, bearing_number: float) -> Oper
         text = "First run on this machine: compiling the solver. This takes about a minute, once."
     with st.spinner(text):
         return _solve(design, rotor_mass, bearing_number, LIVE)
+
+
+@st.cache_resource(max_entries=40, show_spinner=False)
+def _predict(stamp: float, name: str, divisor: int, seed: int) -> PredictedMap:
+    return predict_map(_map(stamp), model(name), divisor, seed)
+
+
+def predicted_map(name: str, divisor: int, seed: int) -> PredictedMap:
+    """The reference map predicted from 1/divisor of its cells, now or out of the last forty. Raises ``InputError``."""
+    with st.spinner(f"Training: {model(name).label} on n/{divisor} of the cells …"):
+        return _predict(_stamp(), name, divisor, seed)
+
+
+def reference_scores() -> pd.DataFrame:
+    """The shipped scores of all models on the reference map. Raises ``InputError``."""
+    return load_reference_scores()

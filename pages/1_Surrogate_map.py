@@ -1,0 +1,62 @@
+"""Surrogate map: a model trained on some of the map's cells predicts the rest; solved, predicted and error side by side."""
+
+import numpy as np
+import streamlit as st
+
+from spab_core.design import InputError
+from spab_core.evaluation import error_by_regime, mae, rmse
+from spab_core.figures import surrogate_figure
+from spab_core.surrogates import DIVISORS, GROUPS, MODELS
+from spab_core.ui.shared import page_head, predicted_map, reference_map
+
+page_head("surrogate map")
+
+try:
+    m = reference_map()
+except InputError as error:
+    st.error(str(error))
+    st.stop()
+
+st.markdown("#### Surrogate map of the reference bearing")
+a, b, c = st.columns([2, 2.4, 1], vertical_alignment="bottom")
+names = sorted(MODELS, key=lambda name: GROUPS.index(MODELS[name].group))
+name = a.selectbox("Model", names, index=names.index("forest"), key="model",
+                   format_func=lambda k: f"{MODELS[k].label} ({MODELS[k].group})",
+                   help="Paper: the four of Kuo, Lee and Wang. Interpolation: what a designer would do without them.")
+divisor = b.segmented_control("Cells trained on, of n solved ones", DIVISORS, default=8, key="divisor",
+                              format_func=lambda k: f"n/{k}") or 8
+seed = c.number_input("Draw", 0, 999, 0, key="draw", help="Which cells are drawn to train on: another number, other cells")
+
+try:
+    predicted = predicted_map(name, divisor, int(seed))
+except InputError as error:
+    st.error(str(error))
+    st.stop()
+
+solved = np.isfinite(m.mle)
+held_out = solved & ~predicted.trained
+deviation = float(m.mle[solved].std())
+found = rmse(m.mle[held_out], predicted.mle[held_out])
+cells = st.columns(5)
+cells[0].metric("RMSE, held-out cells", f"{found:.3f}", help="Per revolution, over the cells that were not trained on")
+cells[1].metric("MAE, held-out cells", f"{mae(m.mle[held_out], predicted.mle[held_out]):.3f}", help="Per revolution")
+cells[2].metric("RMSE over deviation", f"{found / deviation:.3f}",
+                help=f"Held-out RMSE over the map's standard deviation, {deviation:.3f} per revolution: 1 is no better than "
+                     "the mean of the map")
+cells[3].metric("RMSE, whole map", f"{rmse(m.mle[solved], predicted.mle[solved]):.3f}",
+                help="Training cells included, as the paper counts")
+cells[4].metric("Cells trained on", f"{predicted.surrogate.training_cells:,}")
+if predicted.surrogate.converged is False:
+    st.warning("The training of this network stopped at its limit of 500 epochs, before its own criterion was met.")
+
+st.plotly_chart(surrogate_figure(m, predicted), key="maps", width="stretch")
+st.caption(f"Trained in {predicted.surrogate.seconds:.2f} s on this machine, the whole map predicted in "
+           f"{predicted.predict_seconds:.2f} s. Colours end at the 98th percentile of the error; training cells are blank "
+           "there. Cells without an exponent are left out.")
+
+st.markdown("##### Where the error lives (held-out cells)")
+st.dataframe(error_by_regime(m, predicted), width="content", column_config={
+    "cells": st.column_config.NumberColumn("cells", format="localized"),
+    "rmse": st.column_config.NumberColumn("RMSE per revolution", format="%.4f"),
+    "mae": st.column_config.NumberColumn("MAE per revolution", format="%.4f"),
+    "share": st.column_config.NumberColumn("share of squared error", format="percent")})

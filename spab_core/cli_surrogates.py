@@ -1,0 +1,127 @@
+"""The commands of ``spab`` that predict: evaluate, predict."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+
+import numpy as np
+from tqdm import tqdm
+
+from spab_core.artifacts import load_reference_map
+from spab_core.design import InputError, check_number, check_output, write_atomically
+from spab_core.evaluation import SEEDS, evaluate, mae, ranking, rmse, suggestion, table
+from spab_core.simulate import check_point
+from spab_core.stability_map import StabilityMap, load_map, npz_bytes
+from spab_core.surrogates import DIVISORS, MODELS, model, predict_map
+
+
+def add_commands(commands, number, whole) -> None:
+    """Add the commands to the parser's; ``number`` and ``whole`` read a float and an integer."""
+    def command(name, text):
+        sub = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
+        sub.add_argument("--map", metavar="FILE.npz", help="map file; left out: the shipped map of the reference design")
+        sub.add_argument("--json", action="store_true", help="print one JSON object")
+        return sub
+
+    sub = command("evaluate", "errors of surrogate models trained on fractions of a map, by the paper's protocol")
+    sub.add_argument("--models", default=",".join(MODELS), help="names, separated by commas")
+    sub.add_argument("--divisors", default=",".join(map(str, DIVISORS)), help="training sets of n/2, n/3, ...: 2,3,...")
+    sub.add_argument("--seeds", type=whole, default=len(SEEDS), help="how many draws of the training cells")
+    sub.add_argument("--workers", type=whole, default=1, help="processes")
+    sub.add_argument("--out", metavar="FILE.csv", help="write the scores, one row a training")
+    sub.set_defaults(run=_evaluate)
+
+    sub = command("predict", "train a surrogate on some cells of a map and predict a point or the whole map")
+    sub.add_argument("--model", required=True, help=", ".join(MODELS))
+    sub.add_argument("--divisor", type=whole, default=2, help="train on n/DIVISOR of the cells")
+    sub.add_argument("--seed", type=whole, default=0, help="of the draw of the training cells and of the model")
+    sub.add_argument("--rotor-mass", type=number, help="kg on one bearing")
+    sub.add_argument("--bearing-number", type=number)
+    sub.add_argument("--out", metavar="FILE.npz", help="write the predicted map: mle, trained, and the axes")
+    sub.set_defaults(run=_predict)
+
+
+def _load(args) -> StabilityMap:
+    return load_reference_map() if args.map is None else load_map(args.map)
+
+
+def _whole_numbers(text: str, name: str, low: int, high: int) -> list[int]:
+    values = []
+    for part in text.split(","):
+        try:
+            value = int(part)
+        except ValueError:
+            raise InputError(f"{name} = {text[:60]!r} must be whole numbers separated by commas, such as 2,4,8") from None
+        check_number(name, value, low, high)
+        values.append(value)
+    return values
+
+
+def _evaluate(args) -> dict:
+    kinds = [model(name.strip()) for name in args.models.split(",")]
+    divisors = _whole_numbers(args.divisors, "--divisors", 2, 100_000)
+    check_number("--seeds", args.seeds, 1, 1000)
+    check_number("--workers", args.workers, 1, 1024)
+    if args.out is not None:
+        check_output(args.out, "--out")
+    m = _load(args)
+    with tqdm(total=len(kinds) * len(divisors) * args.seeds, unit="training", smoothing=0.05) as bar:
+        scores = evaluate(m, kinds, divisors, range(args.seeds), workers=args.workers, progress=bar.update)
+    if args.out is not None:
+        text = io.StringIO()
+        scores.to_csv(text, index=False)
+        write_atomically(args.out, text.getvalue().encode())
+    ranked = ranking(scores)
+    if not args.json:
+        for metric in ("rmse", "mae"):
+            print(f"{metric.upper()} per revolution, held-out cells")
+            print(table(scores, f"{metric}_held_out").to_string(float_format="{:.4f}".format))
+        print(suggestion(ranked))
+    return {"scores": json.loads(scores.to_json(orient="records", double_precision=15)), "suggestion": suggestion(ranked)}
+
+
+def _predict(args) -> dict:
+    kind = model(args.model)
+    point = (args.bearing_number, args.rotor_mass)
+    if (point[0] is None) != (point[1] is None):
+        raise InputError("--bearing-number and --rotor-mass belong together: give both, or neither for the whole map")
+    if point[0] is None and args.out is None:
+        raise InputError("nothing to predict: give --bearing-number and --rotor-mass, or --out for the whole map")
+    check_number("--seed", args.seed, 0, 2**32 - 1)
+    check_number("--divisor", args.divisor, 1, 100_000)
+    if args.out is not None:
+        check_output(args.out, "--out")
+    m = _load(args)
+    answer: dict = {}
+    if point[0] is not None:
+        check_point(point[1], point[0])
+        inside = [bool(axis.min() <= value <= axis.max()) for axis, value in
+                  zip((m.bearing_number, m.rotor_mass), point, strict=True)]
+        if not all(inside):
+            number, mass = ((float(axis.min()), float(axis.max())) for axis in (m.bearing_number, m.rotor_mass))
+            print(f"spab: the point lies outside the map (bearing number {number[0]:g} to {number[1]:g}, rotor mass "
+                  f"{mass[0]:g} to {mass[1]:g} kg): the model extrapolates", file=sys.stderr)
+        answer["inside_map"] = all(inside)
+    predicted = predict_map(m, kind, args.divisor, args.seed)
+    held_out = np.isfinite(m.mle) & ~predicted.trained
+    if held_out.any():
+        answer |= {"rmse_held_out": rmse(m.mle[held_out], predicted.mle[held_out]),
+                   "mae_held_out": mae(m.mle[held_out], predicted.mle[held_out])}
+    answer |= {"model": kind.name, "training_cells": predicted.surrogate.training_cells,
+               "train_seconds": predicted.surrogate.seconds, "converged": predicted.surrogate.converged}
+    text = [f"{kind.label} trained on {predicted.surrogate.training_cells:,} cells in {predicted.surrogate.seconds:.2f} s"]
+    if held_out.any():
+        text.append(f"held-out RMSE {answer['rmse_held_out']:.4f}, MAE {answer['mae_held_out']:.4f} per revolution")
+    if point[0] is not None:
+        answer["mle_per_revolution"] = float(predicted.surrogate.predict(*point))
+        text.insert(0, f"MLE {answer['mle_per_revolution']:+.4f} per revolution, predicted")
+    if args.out is not None:
+        arrays = {"bearing_number": m.bearing_number, "rotor_mass": m.rotor_mass}
+        write_atomically(args.out, npz_bytes(arrays | {"mle": predicted.mle, "trained": predicted.trained}))
+        answer["out"] = args.out
+        text.append(f"predicted map in {args.out}")
+    if not args.json:
+        print("; ".join(text))
+    return answer

@@ -1,0 +1,101 @@
+"""The surrogate pages without a browser, on a small map with its scores: every model and fraction, failures in words."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+import streamlit as st
+from streamlit.testing.v1 import AppTest
+
+from spab_core import artifacts
+from spab_core.artifacts import REFERENCE_MAP, SCORES, load_reference_map, write_manifest
+from spab_core.evaluation import evaluate
+from spab_core.stability_map import FIELDS, load_map, save_map
+from spab_core.surrogates import DIVISORS, MODELS
+from spab_core.ui import shared
+from tests.conftest import ROOT
+
+PAGE = {name: str(next((ROOT / "pages").glob(f"*_{name}.py"))) for name in ("Surrogate_map", "Model_ranking")}
+
+
+@pytest.fixture(scope="module")
+def small_folder(tmp_path_factory):
+    """artifacts/ with a few hundred cells of the shipped map and the scores of two models on them."""
+    folder = tmp_path_factory.mktemp("artifacts")
+    m = load_reference_map()
+    rows, columns = (slice(None, None, max(n // 16, 1)) for n in m.shape)
+    cells = {name: getattr(m, name)[rows, columns].copy() for name in FIELDS}
+    cells["mle"][2, 3], cells["regime"][2, 3], cells["status"][2, 3] = np.nan, "", "touchdown"
+    small = dataclasses.replace(m, bearing_number=m.bearing_number[rows], rotor_mass=m.rotor_mass[columns], **cells)
+    save_map(small, folder / REFERENCE_MAP)
+    scores = evaluate(small, [MODELS[k] for k in ("mlp", "svr", "tree", "forest", "linear")], (2, 8), (0, 1))
+    scores.to_csv(folder / SCORES, index=False)
+    write_manifest(folder)
+    return folder
+
+
+@pytest.fixture
+def small(small_folder, monkeypatch):
+    for module in (artifacts, shared):
+        monkeypatch.setattr(module, "ARTIFACTS", small_folder)
+    for loader in (artifacts.load_reference_map, artifacts.load_reference_scores):
+        monkeypatch.setattr(loader, "__defaults__", (small_folder,))
+    st.cache_resource.clear()
+    yield small_folder
+    st.cache_resource.clear()
+
+
+def open_page(name):
+    return AppTest.from_file(PAGE[name], default_timeout=120).run()
+
+
+def figure(at, k=0):
+    return json.loads(at.get("plotly_chart")[k].proto.spec)
+
+
+@pytest.mark.parametrize("name", list(MODELS))
+def test_every_model_and_fraction(small, name):
+    at = open_page("Surrogate_map")
+    at.selectbox(key="model").select(name).run()
+    errors, solved = {}, int(np.isfinite(load_map(small / REFERENCE_MAP).mle).sum())
+    for divisor in DIVISORS:
+        at.button_group(key="divisor").select(divisor).run()
+        assert not at.exception and not at.error
+        found = {metric.label: metric.value for metric in at.metric}
+        errors[divisor] = float(found["RMSE, held-out cells"])
+        assert np.isfinite(errors[divisor]) and int(found["Cells trained on"]) == solved // divisor
+        assert len([t for t in figure(at)["data"] if t["type"] == "heatmap"]) == 3
+    assert len(set(errors.values())) > 1  # another fraction is another prediction
+
+
+def test_first_view_of_the_surrogate_map(small):
+    at = open_page("Surrogate_map")
+    assert not at.exception
+    titles = [a["text"] for a in figure(at)["layout"]["annotations"]]
+    assert titles == ["Solved", "Predicted: Random forest", "Error of held-out cells"]
+    assert "kg" in figure(at)["layout"]["yaxis"]["title"]["text"]
+    lives = at.dataframe[0].value
+    assert set(lives.columns) == {"cells", "rmse", "mae", "share"} and "at a border" in lives.index
+    assert lives.drop(index="at a border")["share"].sum() == pytest.approx(1.0)
+
+
+def test_model_ranking(small):
+    at = open_page("Model_ranking")
+    assert not at.exception and at.success[0].value.startswith("Best by RMSE")
+    assert {t["name"] for t in figure(at)["data"]} == {MODELS[k].label for k in ("mlp", "svr", "tree", "forest", "linear")}
+    assert {"Average", "Standard deviation", "Max - Min"} <= set(at.dataframe[1].value.index)
+    beside = at.dataframe[2].value
+    assert beside["Random forest, paper"].iloc[0] == 0.45 and len(beside.columns) == 8
+    for key, value in (("metric", "mae"), ("cells", "all")):
+        at.button_group(key=key).select(value).run()
+        assert not at.exception and not at.error
+    assert "MAE" in figure(at)["layout"]["yaxis"]["title"]["text"]
+
+
+def test_missing_scores_are_said_in_words(small, monkeypatch, tmp_path):
+    (tmp_path / REFERENCE_MAP).write_bytes((small / REFERENCE_MAP).read_bytes())
+    write_manifest(tmp_path)
+    monkeypatch.setattr(artifacts.load_reference_scores, "__defaults__", (tmp_path,))
+    at = open_page("Model_ranking")
+    assert not at.exception and SCORES in at.error[0].value
