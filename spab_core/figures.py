@@ -222,7 +222,7 @@ def surrogate_figure(m: StabilityMap, predicted: PredictedMap) -> go.Figure:
         coloraxis={"colorscale": "RdBu_r", "cmin": -MLE_LIMIT, "cmax": MLE_LIMIT,
                    "colorbar": {"title": "MLE per revolution", "thickness": 12, "x": 1.01, "title_side": "right"}},
         coloraxis2={"colorscale": "Cividis", "cmin": 0.0, "cmax": top,
-                    "colorbar": {"title": "|error| per revolution", "thickness": 12, "x": 1.09, "title_side": "right"}})
+                    "colorbar": {"title": "|error| per revolution", "thickness": 12, "x": 1.1, "title_side": "right"}})
     for k, (z, axis) in enumerate(((m.mle, "coloraxis"), (predicted.mle, "coloraxis"), (error, "coloraxis2")), start=1):
         figure.add_heatmap(x=m.bearing_number, y=m.rotor_mass, z=z.T.astype(np.float32), coloraxis=axis, row=1, col=k,
                            hovertemplate="Λ %{x:.3f}, %{y:.2f} kg: %{z:.3f}<extra></extra>")
