@@ -40,7 +40,7 @@ with right:
         "mae": st.column_config.NumberColumn("MAE", format="%.4f"),
         "spread": st.column_config.NumberColumn("spread", format="%.4f", help="Standard deviation of the RMSE over fractions"),
         "rank_rmse": "by RMSE", "rank_mae": "by MAE", "rank_spread": "by spread",
-        "tied": st.column_config.CheckboxColumn("tied", help="Its RMSE differs from that of the row above by chance only "
+        "tied": st.column_config.CheckboxColumn("tied", help="Its RMSE differs from the best one by chance only "
                                                              "(paired t test over the draws, 5 %)")})
 
 st.markdown(f"##### {metric.upper()} per revolution, {'held-out cells' if kind == 'held_out' else 'whole map'}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterable, Sequence
 
 import joblib
@@ -136,8 +135,8 @@ def ranking(scores: pd.DataFrame, kind: str = "held_out") -> pd.DataFrame:
     -------
     DataFrame
         Indexed by model, in the order of ``rmse``: ``rmse``, ``mae`` (averages over fractions and seeds), ``spread`` (standard
-        deviation of the RMSE over the fractions), the rank by each, and ``tied``, whether the RMSE differs from that of the
-        model above by chance only.
+        deviation of the RMSE over the fractions), the rank by each, and ``tied``, whether the RMSE differs from the best one by
+        chance only.
     """
     tables = {name: table(scores, f"{name}_{kind}") for name in METRICS}
     found = pd.DataFrame({"rmse": tables["rmse"].loc["Average"], "mae": tables["mae"].loc["Average"],
@@ -145,24 +144,19 @@ def ranking(scores: pd.DataFrame, kind: str = "held_out") -> pd.DataFrame:
     for name in ("rmse", "mae", "spread"):
         found[f"rank_{name}"] = found[name].rank(method="min").astype(int)
     found = found.sort_values("rmse")
-    names = list(found.index)
-    found["tied"] = [False] + [is_tie(scores, f"rmse_{kind}", a, b) for a, b in itertools.pairwise(names)]
+    best = found.index[0]
+    found["tied"] = [name != best and is_tie(scores, f"rmse_{kind}", best, name) for name in found.index]
     return found
 
 
 def suggestion(ranked: pd.DataFrame) -> str:
     """The ranking in one sentence."""
-    names = list(ranked.index)
-    best = [names[0]]
-    for name in names[1:]:
-        if not ranked.loc[name, "tied"]:
-            break
-        best.append(name)
-    row = ranked.loc[best[0]]
-    text = (f"Best by RMSE: {MODELS[best[0]].label}, on average {row['rmse']:.3f} per revolution, MAE {row['mae']:.3f}, "
+    best, tied = ranked.index[0], ranked.index[ranked["tied"]]
+    row = ranked.loc[best]
+    text = (f"Best by RMSE: {MODELS[best].label}, on average {row['rmse']:.3f} per revolution, MAE {row['mae']:.3f}, "
             "over the training fractions")
-    if len(best) > 1:
-        text += f"; {', '.join(MODELS[name].label for name in best[1:])}: no worse but for chance"
+    if len(tied):
+        text += f"; {', '.join(MODELS[name].label for name in tied)}: no worse but for chance"
     return text + "."
 
 
