@@ -28,7 +28,7 @@ kind = b.segmented_control("Over", ("held_out", "all"), default="held_out", key=
 column = f"{metric}_{kind}"
 found = table(scores, column)
 fractions = [f"n/{k}" for k in DIVISORS if f"n/{k}" in found.index]
-left, right = st.columns([1.2, 1], gap="medium")
+left, right = st.columns(2, gap="medium")
 with left:
     figure = fraction_figure(found.loc[fractions], spread(scores, column), f"{metric.upper()} per revolution")
     st.plotly_chart(figure, key="lines", width="stretch")
@@ -36,6 +36,7 @@ with left:
                "paper's models, dotted: interpolation, dashed: others.")
 with right:
     st.dataframe(ranked[kind].rename(index=lambda k: MODELS[k].label), height=420, column_config={
+        "_index": st.column_config.Column("model", width=140),
         "rmse": st.column_config.NumberColumn("RMSE", format="%.4f"),
         "mae": st.column_config.NumberColumn("MAE", format="%.4f"),
         "spread": st.column_config.NumberColumn("spread", format="%.4f", help="Standard deviation of the RMSE over fractions"),
@@ -44,7 +45,8 @@ with right:
                                                              "(paired t test over the draws, 5 %)")})
 
 st.markdown(f"##### {metric.upper()} per revolution, {'held-out cells' if kind == 'held_out' else 'whole map'}")
-st.dataframe(found.rename(columns=lambda k: MODELS[k].label).style.format("{:.4f}"), width="stretch")
+st.dataframe(found.rename(columns=lambda k: MODELS[k].label).style.format("{:.4f}"), width="stretch",
+             column_config={"_index": st.column_config.Column("trained on", width=150)})
 unfinished = scores[scores["converged"].eq(False)]
 if len(unfinished):
     total = int((scores["model"] == "mlp").sum())
