@@ -65,7 +65,7 @@ def designs(draw):
     if draw(st.booleans()):
         rotor["shaft_stiffness"] = math.inf
     contact = pick(Contact)
-    contact["force_at_closure"] = min(contact["force_at_closure"], 1e-6 * math.exp(min(1.0 / contact["roughness"], 30.0)))
+    contact["force_at_closure"] = min(contact["force_at_closure"], 0.999e-6 * math.exp(min(1.0 / contact["roughness"], 30.0)))
     return Design(Bearing(**bearing), Gas(**pick(Gas)), Rotor(**rotor), Contact(**contact))
 
 
