@@ -2,18 +2,14 @@
 
 import streamlit as st
 
-from spab_core.design import InputError
 from spab_core.figures import LAYERS, exponent_figure, orbit_figure, section_figure
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
-from spab_core.ui.shared import live_point, marked_map_figure, page_head, reference_map
+from spab_core.ui.shared import errors_in_words, live_point, marked_map_figure, page_head, reference_map
 
 page_head("stability map")
 
-try:
+with errors_in_words():
     m = reference_map()
-except InputError as error:
-    st.error(str(error))
-    st.stop()
 
 state = st.session_state
 if "mark" not in state:  # a first view: the cell nearest to the paper's example
@@ -68,11 +64,8 @@ with right:
     design = m.design
     mass, number = state["rotor_mass"], state["bearing_number"]
     st.markdown(f"#### Operating point: Λ {number:.3f}, {design.speed_rpm(number):,.0f} rpm, {mass:.2f} kg")
-    try:
+    with errors_in_words():
         point = live_point(design, mass, number)
-    except InputError as error:
-        st.error(str(error))
-        st.stop()
     box = {"periodic": st.success, "quasi-periodic": st.warning}.get(point.regime.name if point.regime else "", st.error)
     box(point.verdict())
     if point.mle:

@@ -3,23 +3,19 @@
 import numpy as np
 import streamlit as st
 
-from spab_core.design import InputError
-from spab_core.evaluation import error_by_regime, mae, rmse
+from spab_core.evaluation import error_by_regime, errors
 from spab_core.figures import surrogate_figure
-from spab_core.surrogates import DIVISORS, GROUPS, MODELS
-from spab_core.ui.shared import page_head, predicted_map, reference_map
+from spab_core.surrogates import DIVISORS, MODELS
+from spab_core.ui.shared import errors_in_words, page_head, predicted_map, reference_map
 
 page_head("surrogate map")
 
-try:
+with errors_in_words():
     m = reference_map()
-except InputError as error:
-    st.error(str(error))
-    st.stop()
 
 st.markdown("#### Surrogate map of the reference bearing")
 a, b, c = st.columns([2, 2.4, 1], vertical_alignment="bottom")
-names = sorted(MODELS, key=lambda name: GROUPS.index(MODELS[name].group))
+names = list(MODELS)
 name = a.selectbox("Model", names, index=names.index("forest"), key="model",
                    format_func=lambda k: f"{MODELS[k].label} ({MODELS[k].group})",
                    help="Paper: the four of Kuo, Lee and Wang. Interpolation: what a designer would do without them.")
@@ -27,23 +23,18 @@ divisor = b.segmented_control("Cells trained on, of n solved ones", DIVISORS, de
                               format_func=lambda k: f"n/{k}") or 8
 seed = c.number_input("Draw", 0, 999, 0, key="draw", help="Which cells are drawn to train on: another number, other cells")
 
-try:
+with errors_in_words():
     predicted = predicted_map(name, divisor, int(seed))
-except InputError as error:
-    st.error(str(error))
-    st.stop()
 
-solved = np.isfinite(m.mle)
-held_out = solved & ~predicted.trained
-deviation = float(m.mle[solved].std())
-found = rmse(m.mle[held_out], predicted.mle[held_out])
+found, deviation = errors(m, predicted), float(np.nanstd(m.mle))
 cells = st.columns(5)
-cells[0].metric("RMSE, held-out cells", f"{found:.3f}", help="Per revolution, over the cells that were not trained on")
-cells[1].metric("MAE, held-out cells", f"{mae(m.mle[held_out], predicted.mle[held_out]):.3f}", help="Per revolution")
-cells[2].metric("RMSE over deviation", f"{found / deviation:.3f}",
+cells[0].metric("RMSE, held-out cells", f"{found['rmse_held_out']:.3f}",
+                help="Per revolution, over the cells that were not trained on")
+cells[1].metric("MAE, held-out cells", f"{found['mae_held_out']:.3f}", help="Per revolution")
+cells[2].metric("RMSE over deviation", f"{found['rmse_held_out'] / deviation:.3f}",
                 help=f"Held-out RMSE over the map's standard deviation, {deviation:.3f} per revolution: 1 is no better than "
                      "the mean of the map")
-cells[3].metric("RMSE, whole map", f"{rmse(m.mle[solved], predicted.mle[solved]):.3f}",
+cells[3].metric("RMSE, whole map", f"{found['rmse_all']:.3f}",
                 help="Training cells included, as the paper counts")
 cells[4].metric("Cells trained on", f"{predicted.surrogate.training_cells:,}")
 if predicted.surrogate.converged is False:

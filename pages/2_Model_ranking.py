@@ -1,25 +1,23 @@
 """Model ranking: errors of all models over the training fractions, the paper's tables beside ours, and a suggestion."""
 
+import numpy as np
 import pandas as pd
 import streamlit as st
 
-from spab_core.design import InputError
+from spab_core.artifacts import load_reference_scores
 from spab_core.evaluation import PAPER_RMSE, ranking, spread, suggestion, table
 from spab_core.figures import fraction_figure
 from spab_core.surrogates import DIVISORS, MODELS
-from spab_core.ui.shared import page_head, reference_map, reference_scores
+from spab_core.ui.shared import errors_in_words, page_head, reference_map
 
 page_head("model ranking")
 
-try:
-    m, scores = reference_map(), reference_scores()
-except InputError as error:
-    st.error(str(error))
-    st.stop()
+with errors_in_words():
+    m, scores = reference_map(), load_reference_scores()
 
 st.markdown("#### Which model predicts the map best?")
-ranked = {kind: ranking(scores, kind) for kind in ("held_out", "all")}
-st.success(suggestion(ranked["held_out"]))
+best_first = ranking(scores)
+st.success(suggestion(best_first))
 a, b = st.columns(2)
 metric = a.segmented_control("Error", ("rmse", "mae"), default="rmse", key="metric", format_func=str.upper) or "rmse"
 kind = b.segmented_control("Over", ("held_out", "all"), default="held_out", key="cells", format_func=lambda k: {
@@ -35,7 +33,8 @@ with left:
     st.caption(f"Means over {scores['seed'].nunique()} draws of the training cells, bars: one standard deviation. Solid: the "
                "paper's models, dotted: interpolation, dashed: others.")
 with right:
-    st.dataframe(ranked[kind].rename(index=lambda k: MODELS[k].label), height=420, column_config={
+    ranked = best_first if kind == "held_out" else ranking(scores, kind)
+    st.dataframe(ranked.rename(index=lambda k: MODELS[k].label), height=420, column_config={
         "_index": st.column_config.Column("model", width=140),
         "rmse": st.column_config.NumberColumn("RMSE", format="%.4f"),
         "mae": st.column_config.NumberColumn("MAE", format="%.4f"),
@@ -53,7 +52,7 @@ if len(unfinished):
     st.caption(f"The MLP stopped at its limit of 500 epochs in {len(unfinished)} of {total} trainings.")
 
 st.markdown("##### Beside the paper: RMSE over the whole map, divided by the map's standard deviation")
-deviation = float(m.mle[pd.notna(m.mle)].std())
+deviation = float(np.nanstd(m.mle))
 whole = table(scores, "rmse_all")
 beside = pd.DataFrame({f"{MODELS[k].label}, {whose}": values for k in PAPER_RMSE for whose, values in (
     ("ours", (whole.loc[fractions, k] / deviation).to_numpy()), ("paper", PAPER_RMSE[k][:len(fractions)]))}, index=fractions)

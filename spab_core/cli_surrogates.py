@@ -6,12 +6,11 @@ import io
 import json
 import sys
 
-import numpy as np
 from tqdm import tqdm
 
 from spab_core.artifacts import load_reference_map
 from spab_core.design import InputError, check_number, check_output, write_atomically
-from spab_core.evaluation import SEEDS, evaluate, mae, ranking, rmse, suggestion, table
+from spab_core.evaluation import SEEDS, errors, evaluate, ranking, suggestion, table
 from spab_core.simulate import check_point
 from spab_core.stability_map import StabilityMap, load_map, npz_bytes
 from spab_core.surrogates import DIVISORS, MODELS, model, predict_map
@@ -105,14 +104,11 @@ def _predict(args) -> dict:
                   f"{mass[0]:g} to {mass[1]:g} kg): the model extrapolates", file=sys.stderr)
         answer["inside_map"] = all(inside)
     predicted = predict_map(m, kind, args.divisor, args.seed)
-    held_out = np.isfinite(m.mle) & ~predicted.trained
-    if held_out.any():
-        answer |= {"rmse_held_out": rmse(m.mle[held_out], predicted.mle[held_out]),
-                   "mae_held_out": mae(m.mle[held_out], predicted.mle[held_out])}
+    answer |= {name: value for name, value in errors(m, predicted).items() if name.endswith("held_out")}
     answer |= {"model": kind.name, "training_cells": predicted.surrogate.training_cells,
                "train_seconds": predicted.surrogate.seconds, "converged": predicted.surrogate.converged}
     text = [f"{kind.label} trained on {predicted.surrogate.training_cells:,} cells in {predicted.surrogate.seconds:.2f} s"]
-    if held_out.any():
+    if "rmse_held_out" in answer:
         text.append(f"held-out RMSE {answer['rmse_held_out']:.4f}, MAE {answer['mae_held_out']:.4f} per revolution")
     if point[0] is not None:
         answer["mle_per_revolution"] = float(predicted.surrogate.predict(*point))

@@ -33,6 +33,16 @@ def mae(truth: np.ndarray, predicted: np.ndarray) -> float:
     return float(np.mean(np.abs(np.asarray(truth) - np.asarray(predicted))))
 
 
+def errors(m: StabilityMap, predicted: PredictedMap) -> dict[str, float]:
+    """``rmse_all``, ``mae_all`` over all solved cells; ``rmse_held_out``, ``mae_held_out`` over the held-out ones, if any."""
+    found = {}
+    for name, function in (("rmse", rmse), ("mae", mae)):
+        for where, cells in (("all", np.isfinite(m.mle)), ("held_out", predicted.held_out)):
+            if cells.any():
+                found[f"{name}_{where}"] = function(m.mle[cells], predicted.mle[cells])
+    return found
+
+
 def score(m: StabilityMap, kind: Model, divisor: int, seed: int) -> dict:
     """Errors of one model trained on 1/divisor of a map.
 
@@ -43,12 +53,7 @@ def score(m: StabilityMap, kind: Model, divisor: int, seed: int) -> dict:
         ``rmse_held_out``, ``mae_held_out`` over the others; ``train_seconds``, ``predict_seconds``, ``converged``.
     """
     predicted = predict_map(m, kind, divisor, seed)
-    solved = np.isfinite(m.mle)
-    held_out = solved & ~predicted.trained
-    found = {"model": kind.name, "divisor": divisor, "seed": seed}
-    for name, function in (("rmse", rmse), ("mae", mae)):
-        found[f"{name}_all"] = function(m.mle[solved], predicted.mle[solved])
-        found[f"{name}_held_out"] = function(m.mle[held_out], predicted.mle[held_out])
+    found = {"model": kind.name, "divisor": divisor, "seed": seed} | errors(m, predicted)
     return found | {"train_seconds": predicted.surrogate.seconds, "predict_seconds": predicted.predict_seconds,
                     "converged": predicted.surrogate.converged}
 
@@ -169,7 +174,7 @@ def error_by_regime(m: StabilityMap, predicted: PredictedMap) -> pd.DataFrame:
         Rows: the regimes there are, and "at a border" (another regime among the four neighbours); columns ``cells``, ``rmse``,
         ``mae``, and ``share`` of the sum of squares.
     """
-    held_out = np.isfinite(m.mle) & ~predicted.trained
+    held_out = predicted.held_out
     border = np.zeros(m.shape, bool)
     for axis in (0, 1):
         first, second = (np.take(m.regime, range(k, m.shape[axis] - 1 + k), axis) for k in (0, 1))

@@ -6,7 +6,6 @@ target (exponent) scaled to [0, 1], training cells drawn at random without repla
 
 from __future__ import annotations
 
-import functools
 import time
 import warnings
 from collections.abc import Callable
@@ -30,7 +29,6 @@ from spab_core.design import InputError
 from spab_core.stability_map import StabilityMap
 
 DIVISORS = (2, 3, 4, 5, 6, 7, 8)  # training sets of n/2 ... n/8 cells
-GROUPS = ("paper", "interpolation", "better")
 MIN_TRAINING = 8  # cells
 
 
@@ -75,7 +73,7 @@ class Model:
     label : str
         As in tables and figures.
     group : str
-        One of :data:`GROUPS`.
+        ``paper``, ``interpolation`` or ``better``.
     build : callable
         Seed -> scikit-learn regressor on scaled inputs and target.
     """
@@ -217,6 +215,11 @@ class PredictedMap:
     surrogate: Surrogate
     predict_seconds: float
 
+    @property
+    def held_out(self) -> np.ndarray:
+        """The cells that have an exponent and were not trained on, (B, M) of bool."""
+        return np.isfinite(self.mle) & ~self.trained
+
 
 def predict_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0) -> PredictedMap:
     """Train on 1/divisor of a map's cells and predict all of them.
@@ -249,9 +252,3 @@ def predict_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0) -> Pr
     trained = np.zeros(m.mle.size, bool)
     trained[index[chosen]] = True
     return PredictedMap(kind, divisor, seed, predicted.reshape(m.shape), trained.reshape(m.shape), surrogate, seconds)
-
-
-@functools.cache
-def paper_models() -> tuple[Model, ...]:
-    """The four models of the paper, in the order of its tables."""
-    return tuple(k for k in MODELS.values() if k.group == "paper")

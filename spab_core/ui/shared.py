@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import pandas as pd
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import plotly.graph_objects as go
 import streamlit as st
 
-from spab_core.artifacts import ARTIFACTS, REFERENCE_MAP, load_reference_map, load_reference_scores
-from spab_core.design import Design
+from spab_core.artifacts import ARTIFACTS, REFERENCE_MAP, load_reference_map
+from spab_core.design import Design, InputError
 from spab_core.figures import map_figure, mark_cell, mark_point
 from spab_core.integrate import is_compiled
 from spab_core.point import OperatingPoint, solve_point
@@ -24,6 +26,16 @@ def page_head(title: str) -> None:
     st.set_page_config(page_title=f"spab: {title}", page_icon="◍", layout="wide")
     st.html("<style>.block-container{padding:2.2rem 2rem 1rem} section[data-testid=stSidebar]{width:11rem !important;"
             "min-width:11rem} [data-testid=stMetricValue]{font-size:1.5rem}</style>")
+
+
+@contextmanager
+def errors_in_words() -> Iterator[None]:
+    """Show an ``InputError`` as the page's last words."""
+    try:
+        yield
+    except InputError as error:
+        st.error(str(error))
+        st.stop()
 
 
 @st.cache_resource(show_spinner=False)
@@ -77,8 +89,3 @@ def predicted_map(name: str, divisor: int, seed: int) -> PredictedMap:
     """The reference map predicted from 1/divisor of its cells, now or out of the last forty. Raises ``InputError``."""
     with st.spinner(f"Training: {model(name).label} on n/{divisor} of the cells …"):
         return _predict(_stamp(), name, divisor, seed)
-
-
-def reference_scores() -> pd.DataFrame:
-    """The shipped scores of all models on the reference map. Raises ``InputError``."""
-    return load_reference_scores()

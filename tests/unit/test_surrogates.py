@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from spab_core.design import InputError, reference_design
 from spab_core.simulate import Settings
 from spab_core.stability_map import StabilityMap, map_metadata
-from spab_core.surrogates import MODELS, model, paper_models, predict_map, solved_cells, train, training_mask
+from spab_core.surrogates import MODELS, model, predict_map, solved_cells, train, training_mask
 
 
 def map_of(function, rows=14, columns=18):
@@ -37,8 +37,9 @@ def plane(number, mass):
 
 
 def test_the_papers_settings():
-    assert [k.name for k in paper_models()] == ["mlp", "svr", "tree", "forest"]
-    mlp, svr, tree, forest = (k.build(0) for k in paper_models())
+    paper = [k for k in MODELS.values() if k.group == "paper"]
+    assert [k.name for k in paper] == ["mlp", "svr", "tree", "forest"]
+    mlp, svr, tree, forest = (k.build(0) for k in paper)
     assert (mlp.hidden_layer_sizes, mlp.activation, mlp.solver, mlp.max_iter) == ((10,), "relu", "adam", 500)
     assert (svr.kernel, svr.C) == ("rbf", 1.0)
     assert tree.max_depth == forest.max_depth == 20 and forest.n_estimators == 100
