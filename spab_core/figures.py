@@ -254,5 +254,6 @@ def fraction_figure(means: pd.DataFrame, deviations: pd.DataFrame, label: str) -
                            line={"color": _MODEL_COLOURS[k % len(_MODEL_COLOURS)], "dash": dash},
                            error_y={"type": "data", "array": deviations[name].fillna(0.0), "thickness": 1, "width": 3})
     return figure.update_layout(xaxis={"title": "cells trained on, of n"},
-                                yaxis={"title": f"{label} (log scale)", "type": "log", "dtick": "D2"},
+                                yaxis={"title": f"{label} (log scale)", "type": "log",
+                                       "tickvals": [digit * 10.0**k for k in range(-3, 2) for digit in (1, 2, 5)]},
                                 height=420, margin={"l": 60, "r": 10, "t": 20, "b": 50})
