@@ -15,7 +15,7 @@ from pathlib import Path
 import numba
 
 _PREFIX = "spab-kernels-"
-_KERNELS = ("dtm", "film", "integrate", "kernels", "linear", "rotor", "simd")
+_KERNELS = ("dtm", "film", "integrate", "kernels", "linear", "rotor", "rows", "simd")
 _SOLVER = (*_KERNELS, "design", "floquet", "lyapunov", "point", "regimes", "simulate")
 
 

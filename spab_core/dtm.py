@@ -16,18 +16,20 @@ from numba import njit
 from spab_core.film import Film, film_size
 from spab_core.kernels import CENTRE, error_norm
 from spab_core.rotor import ROTOR_STATES
+from spab_core.rows import apply, following, opposite, preceding, turned
 from spab_core.simd import WIDTH, aligned_zeros, inner, kernel, splat, vload, vstore, vsum
 
 DTM_ORDER = 6
 _K = DTM_ORDER + 1
-# rows of the series, one for each order: gas S, pressure P, Q = P², H³ at the three faces; then the same for the tangent
-_S, _P, _Q, _UP, _DOWN, _AROUND, _ROWS = 0, 1, 2, 3, 4, 5, 6
+# rows of the series, one for each order: gas S, pressure P, Q = P² - 1, its gradient across the band, H³ at the flux nodes and at
+# the faces around, flux across; then the same for the tangent
+_S, _P, _Q, _GRADIENT, _CUBE, _AROUND, _FLUX, _ROWS = 0, 1, 2, 3, 4, 5, 6, 7
 
 
 def build_series(film: Film, method: int) -> np.ndarray:
-    """Memory for the transforms, shape (2 * 6 * (order + 1), padded state size); a single row where not needed."""
-    size = film_size(film) + 2 * film.padded + ROTOR_STATES
-    rows = 2 * _ROWS * _K + 4 if method == 1 else 1
+    """Memory for the transforms, shape (2 * 7 * (order + 1), size of the film); a single row where not needed."""
+    size = film_size(film)
+    rows = 2 * _ROWS * _K if method == 1 else 1
     return aligned_zeros(rows * size).reshape(rows, size)
 
 
@@ -116,28 +118,28 @@ def _contact_series(rotor, r, d, k, c, dual):
 
 @inner
 def _gap_order(cosine, g, k, j):
-    """Order k of H = 1 - cosine g in column j."""
+    """Order k of H = 1 - cosine g in row j."""
     h = -cosine * g[k, j]
     return 1.0 + h if k == 0 else h
 
 
 @kernel
 def _pressure_order(film, z, g, k, dual):
-    """Order k of P = S/H and of Q = P²; returns its share of the force, (fx, fy, dfx, dfy)."""
-    mp = film.padded
+    """Order k of P = S/H, of Q = P² and of its gradient; returns its share of the force, (fx, fy, dfx, dfy)."""
+    width = 2 * film.half
     tangent = _ROWS * _K
     fx, fy, dfx, dfy = splat(0.0), splat(0.0), splat(0.0), splat(0.0)
-    for j in range(film.columns):
-        for i in range(0, mp, WIDTH):
-            o = mp + j * mp + i
-            centre = vload(film.cos_centre, i)
-            inverse = 1.0 / (1.0 - centre * g[0, j])
+    for j in range(film.rows):
+        for i in range(0, width, WIDTH):
+            o = j * width + i
+            node = vload(film.node, i)
+            inverse = 1.0 / (1.0 - node * g[0, j])
             p = vload(z[_S * _K + k], o)
             for l in range(1, k + 1):
-                p = p + centre * g[l, j] * vload(z[_P * _K + k - l], o)
+                p = p + node * g[l, j] * vload(z[_P * _K + k - l], o)
             p = p * inverse
             vstore(z[_P * _K + k], o, p)
-            q = splat(0.0)
+            q = splat(-1.0 if k == 0 else 0.0)
             for l in range(k + 1):
                 q = q + vload(z[_P * _K + l], o) * vload(z[_P * _K + k - l], o)
             vstore(z[_Q * _K + k], o, q)
@@ -147,9 +149,9 @@ def _pressure_order(film, z, g, k, dual):
             if dual:
                 dp = vload(z[tangent + _S * _K + k], o)
                 for l in range(1, k + 1):
-                    dp = dp + centre * g[l, j] * vload(z[tangent + _P * _K + k - l], o)
+                    dp = dp + node * g[l, j] * vload(z[tangent + _P * _K + k - l], o)
                 for l in range(k + 1):
-                    dp = dp + centre * g[_K + l, j] * vload(z[_P * _K + k - l], o)
+                    dp = dp + node * g[_K + l, j] * vload(z[_P * _K + k - l], o)
                 dp = dp * inverse
                 vstore(z[tangent + _P * _K + k], o, dp)
                 dq = splat(0.0)
@@ -158,17 +160,22 @@ def _pressure_order(film, z, g, k, dual):
                 vstore(z[tangent + _Q * _K + k], o, dq + dq)
                 dexcess = weight * dp
                 dfx, dfy = dfx - dexcess * film.cos[j], dfy - dexcess * film.sin[j]
+        for part in range(2 if dual else 1):
+            t = part * tangent
+            for i in range(0, width, WIDTH):
+                vstore(z[t + _GRADIENT * _K + k], j * width + i,
+                       apply(film.gradient, 0, z[t + _Q * _K + k], j * width, i, film.half))
     return vsum(fx), vsum(fy), vsum(dfx), vsum(dfy)
 
 
 @kernel
 def _cube_order(film, z, cosine, g, row, k, dual):
-    """Order k of H³ at one kind of face, H = 1 - cosine g linear in the journal's position."""
-    mp = film.padded
+    """Order k of H³ at one kind of place, H = 1 - cosine g linear in the journal's position."""
+    width = 2 * film.half
     tangent = _ROWS * _K
-    for j in range(film.columns):
-        for i in range(0, mp, WIDTH):
-            o = mp + j * mp + i
+    for j in range(film.rows):
+        for i in range(0, width, WIDTH):
+            o = j * width + i
             c = vload(cosine, i)
             total, dtotal = splat(0.0), splat(0.0)
             for l in range(k + 1):
@@ -186,71 +193,53 @@ def _cube_order(film, z, cosine, g, row, k, dual):
 
 
 @inner
-def _face(z, row, k, o, other, here):
-    """Order k of H³ (Q[other] - Q[here])."""
+def _east_order(film, z, k, part, j, i):
+    """Order k of H³ times the difference of Q at the faces east of row j; ``part`` 1: its derivative."""
+    t, rows, half = _ROWS * _K, film.rows, film.half
+    o = j * 2 * half + i
     total = splat(0.0)
     for l in range(k + 1):
-        total = total + vload(z[row * _K + l], o) * (vload(z[_Q * _K + k - l], other) - vload(z[_Q * _K + k - l], here))
-    return total
-
-
-@inner
-def _face_tangent(z, row, k, o, other, here):
-    t = _ROWS * _K
-    total = splat(0.0)
-    for l in range(k + 1):
-        total = total + vload(z[t + row * _K + l], o) * (vload(z[_Q * _K + k - l], other)
-                                                         - vload(z[_Q * _K + k - l], here))
-        total = total + vload(z[row * _K + l], o) * (vload(z[t + _Q * _K + k - l], other)
-                                                     - vload(z[t + _Q * _K + k - l], here))
+        q, h = z[part * t + _Q * _K + k - l], vload(z[_AROUND * _K + l], o)
+        total = total + h * (following(q, j, i, rows, half) - vload(q, o))
+        if part == 1:
+            q, dh = z[_Q * _K + k - l], vload(z[t + _AROUND * _K + l], o)
+            total = total + dh * (following(q, j, i, rows, half) - vload(q, o))
     return total
 
 
 @kernel
-def _gas_order(film, z, up_q, k, part):
+def _gas_order(film, z, k, part):
     """Order k + 1 of S from the fluxes of order k; ``part`` 0 the state, 1 the tangent."""
-    mp, columns = film.padded, film.columns
-    last = columns - 1
-    t = part * _ROWS * _K
-    edge = 1.0 if k == 0 and part == 0 else 0.0
-    for j in range(columns):
-        je, jw = (j + 1 if j < last else 0), (j - 1 if j > 0 else last)
-        for i in range(0, mp, WIDTH):
-            o, oe, ow = mp + j * mp + i, mp + je * mp + i, mp + jw * mp + i
-            if part == 0:
-                up, down = _face(z, _UP, k, o, o + 1, o), _face(z, _DOWN, k, o, o, o - 1)
-                around = _face(z, _AROUND, k, o, oe, o) - _face(z, _AROUND, k, ow, o, ow)
-            else:
-                up, down = _face_tangent(z, _UP, k, o, o + 1, o), _face_tangent(z, _DOWN, k, o, o, o - 1)
-                around = _face_tangent(z, _AROUND, k, o, oe, o) - _face_tangent(z, _AROUND, k, ow, o, ow)
-            vstore(up_q, i, up)
-            total = vload(film.flux_around, i) * around - vload(film.flux_down, i) * down
-            q = vload(z[t + _Q * _K + k], o)
-            total = total + vload(film.feed, i) * (film.supply * edge - q)
-            total = total - vload(film.couette, i) * (vload(z[t + _S * _K + k], oe) - vload(z[t + _S * _K + k], ow))
-            vstore(z[t + _S * _K + k + 1], o, total)
-        # the last cell's neighbour is the open edge: Q = 1 in order 0, else 0
-        m, o = film.cells - 1, mp + j * mp + film.cells - 1
-        total = 0.0
-        for l in range(k + 1):
-            if part == 0:
-                total += z[_UP * _K + l, o] * ((1.0 if k == l else 0.0) - z[_Q * _K + k - l, o])
-            else:
-                total += z[t + _UP * _K + l, o] * ((1.0 if k == l else 0.0) - z[_Q * _K + k - l, o])
-                total -= z[_UP * _K + l, o] * z[t + _Q * _K + k - l, o]
-        up_q[m] = total
-        for i in range(0, mp, WIDTH):
-            o = mp + j * mp + i
-            total_v = vload(z[t + _S * _K + k + 1], o) + vload(film.flux_up, i) * vload(up_q, i)
-            vstore(z[t + _S * _K + k + 1], o, total_v * (1.0 / (k + 1)))
+    rows, half = film.rows, film.half
+    width, t = 2 * half, part * _ROWS * _K
+    flux, s = z[t + _FLUX * _K + k], z[t + _S * _K + k]
+    for j in range(rows):
+        for i in range(0, width, WIDTH):
+            o = j * width + i
+            total = splat(0.0)
+            for l in range(k + 1):
+                total = total + vload(z[_CUBE * _K + l], o) * vload(z[t + _GRADIENT * _K + k - l], o)
+                if part == 1:
+                    total = total + vload(z[t + _CUBE * _K + l], o) * vload(z[_GRADIENT * _K + k - l], o)
+            vstore(flux, o, total)
+    supply = film.supply - 1.0 if k == 0 and part == 0 else 0.0
+    for i in range(0, width, WIDTH):
+        west = turned(_east_order(film, z, k, part, rows - 1, opposite(i, half)), half)
+        for j in range(rows):
+            o = j * width + i
+            east = _east_order(film, z, k, part, j, i)
+            total = apply(film.divergence, 0, flux, j * width, i, half) + vload(film.flux_around, i) * (east - west)
+            total = total + vload(film.feed, i) * (supply - vload(z[t + _Q * _K + k], o))
+            total = total - vload(film.couette, i) * (following(s, j, i, rows, half) - preceding(s, j, i, rows, half))
+            vstore(z[t + _S * _K + k + 1], o, total * (1.0 / (k + 1)))
+            west = east
 
 
 @njit(cache=True, nogil=True, error_model="numpy", _nrt=True)  # allocates its short series
 def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
     """One step of differential transformation of order :data:`DTM_ORDER`; same interface as ``rodas_step``."""
     film, rotor = system
-    mp, columns = film.padded, film.columns
-    n = columns * mp
+    n = film.rows * 2 * film.half
     if not u[n] * u[n] + u[n + 1] * u[n + 1] < 1.0:
         return math.inf
     z = series
@@ -258,28 +247,27 @@ def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
     tangent = _ROWS * _K
     r, d = np.zeros((_K + 1, 8)), np.zeros((_K + 1, 8))
     c = np.zeros((2 * _K, 10))
-    g, gf = np.zeros((2 * _K, columns)), np.zeros((2 * _K, columns))
+    g, gf = np.zeros((2 * _K, film.rows)), np.zeros((2 * _K, film.rows))
     for k in range(0, n, WIDTH):
-        vstore(z[_S * _K], mp + k, vload(u, k))
-        vstore(z[tangent + _S * _K], mp + k, vload(v, k))
+        vstore(z[_S * _K], k, vload(u, k))
+        vstore(z[tangent + _S * _K], k, vload(v, k))
     for i in range(8):
         r[0, i], d[0, i] = u[n + i], v[n + i]
     ramp0 = min(t / rotor.ramp, 1.0) if rotor.ramp > 0.0 else 1.0
     ramp1 = 1.0 / rotor.ramp if rotor.ramp > 0.0 and t < rotor.ramp else 0.0
     ck, sk, ck_before, sk_before = math.cos(t), math.sin(t), 0.0, 0.0  # orders of cos and sin of tau
     for k in range(DTM_ORDER):
-        for j in range(columns):
+        for j in range(film.rows):
             g[k, j] = r[k, 0] * film.cos[j] + r[k, 1] * film.sin[j]
             gf[k, j] = r[k, 0] * film.cos_face[j] + r[k, 1] * film.sin_face[j]
             g[_K + k, j] = d[k, 0] * film.cos[j] + d[k, 1] * film.sin[j]
             gf[_K + k, j] = d[k, 0] * film.cos_face[j] + d[k, 1] * film.sin_face[j]
         fx, fy, dfx, dfy = _pressure_order(film, z, g, k, with_tangent)
-        _cube_order(film, z, film.cos_up, g, _UP, k, with_tangent)
-        _cube_order(film, z, film.cos_down, g, _DOWN, k, with_tangent)
-        _cube_order(film, z, film.cos_centre, gf, _AROUND, k, with_tangent)
-        _gas_order(film, z, work.scratch, k, 0)
+        _cube_order(film, z, film.flux_node, g, _CUBE, k, with_tangent)
+        _cube_order(film, z, film.node, gf, _AROUND, k, with_tangent)
+        _gas_order(film, z, k, 0)
         if with_tangent:
-            _gas_order(film, z, work.scratch, k, 1)
+            _gas_order(film, z, k, 1)
         _contact_series(rotor, r, d, k, c, with_tangent)
         cos_load, sin_load = ramp0 * ck + ramp1 * ck_before, ramp0 * sk + ramp1 * sk_before
         down = ramp0 if k == 0 else (ramp1 if k == 1 else 0.0)
@@ -306,12 +294,12 @@ def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
     for i in range(0, n, WIDTH):
         total, dtotal = splat(0.0), splat(0.0)
         for k in range(DTM_ORDER, -1, -1):
-            total = total * h + vload(z[_S * _K + k], mp + i)
-            dtotal = dtotal * h + vload(z[tangent + _S * _K + k], mp + i)
+            total = total * h + vload(z[_S * _K + k], i)
+            dtotal = dtotal * h + vload(z[tangent + _S * _K + k], i)
         vstore(new, i, total)
         vstore(new_v, i, dtotal)
-        vstore(last_term, i, vload(z[_S * _K + DTM_ORDER], mp + i) * power)
-        dlast = vload(z[tangent + _S * _K + DTM_ORDER], mp + i) * power
+        vstore(last_term, i, vload(z[_S * _K + DTM_ORDER], i) * power)
+        dlast = vload(z[tangent + _S * _K + DTM_ORDER], i) * power
         size, last_size = size + dtotal * dtotal, last_size + dlast * dlast
     tangent_size, tangent_last = vsum(size), vsum(last_size)
     for i in range(8):

@@ -1,12 +1,15 @@
-"""The gas film: a finite-volume mesh of the half band and the semi-discrete Reynolds equation (docs/model.md).
+"""The gas film: polynomials in latitude times a ring of columns, and the semi-discrete Reynolds equation (docs/model.md).
 
-Unknown: S = P H, the gas mass in a cell, at M latitudes times N azimuths, so that
+Unknown: S = P H, the gas content, at M latitudes of the half band times N azimuths, so that
 
     dS/dtau = (1/2 Lambda) [ (1/cos l) d_l(cos l H³/2 d_l Q) + (1/cos² l) d_t(H³/2 d_t Q) + beta (P_s² - Q) ] - d_t S / 2
 
-with P = S/H, Q = P². Fluxes are central and second order, each counted once for both its cells, so that gas is conserved
-to rounding. In the default scheme differences around are exact for the first harmonic, which carries the force.
-:func:`film_slope` is the readable formula; :mod:`spab_core.kernels` computes the same, fast.
+with P = S/H, Q = P². Across the band Q - 1 is an even polynomial that vanishes at the open edge, through its values at the
+positive Gauss points; the flux is an odd polynomial through its values at the positive Gauss-Lobatto points, whose exact
+derivative is taken at the Gauss points (a staggered pair as in Kopriva and Kolias, J. Comput. Phys. 125, 1996). Gauss's rule
+integrates that derivative exactly, so that gas is conserved to rounding. Around, fluxes are central and second order, and in
+the default scheme differences are exact for the first harmonic, which carries the force. :func:`film_slope` is the
+readable formula; :mod:`spab_core.kernels` computes the same, fast.
 """
 
 from __future__ import annotations
@@ -15,13 +18,14 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial import legendre
 
 from spab_core.design import Design, DesignError
-from spab_core.simd import WIDTH, aligned_zeros
+from spab_core.simd import HALF, WIDTH, aligned_zeros
 
 
 class Mesh(NamedTuple):
-    """Cells of the half band: ``latitude`` M from the equator to the edge, ``azimuth`` N around."""
+    """Nodes of the half band: ``latitude`` M from the equator to the edge, ``azimuth`` N around (even)."""
 
     latitude: int
     azimuth: int
@@ -30,61 +34,72 @@ class Mesh(NamedTuple):
         return f"{self.latitude}x{self.azimuth}"
 
 
-DEFAULT_MESH = Mesh(8, 40)
+DEFAULT_MESH = Mesh(4, 40)
 SCHEMES = ("fitted", "plain")
-MESH_LIMITS = ((3, 64), (8, 256))
+MESH_LIMITS = ((2, 16), (8, 256))
 
 
 def parse_mesh(text: str) -> Mesh:
-    """Read "8x32". Raises :class:`DesignError` for anything but two whole numbers in range."""
+    """Read "4x40". Raises :class:`DesignError` for anything but a whole number and an even one in range."""
     (m_low, m_high), (n_low, n_high) = MESH_LIMITS
     parts = str(text).lower().split("x")
     if len(parts) == 2 and all(p.isascii() and p.isdigit() and len(p) < 6 for p in parts):
         mesh = Mesh(int(parts[0]), int(parts[1]))
-        if m_low <= mesh.latitude <= m_high and n_low <= mesh.azimuth <= n_high:
+        if m_low <= mesh.latitude <= m_high and n_low <= mesh.azimuth <= n_high and mesh.azimuth % 2 == 0:
             return mesh
-    raise DesignError(f"mesh = {str(text)[:40]!r} is not allowed: give latitude x azimuth cells of the half band, such as "
-                      f"8x32, from {m_low}x{n_low} to {m_high}x{n_high}")
+    raise DesignError(f"mesh = {str(text)[:40]!r} is not allowed: give latitudes x azimuths of the half band, such as "
+                      f"4x40, from {m_low}x{n_low} to {m_high}x{n_high}, the azimuths even")
 
 
 class Film(NamedTuple):
     """Everything the film kernels need, at one bearing number.
 
-    Vectors over latitude are padded to a multiple of eight; a padded cell keeps S = 1 and touches nothing.
+    A row of the state holds two opposite columns, r and r + N/2, each padded to four or a multiple of eight latitudes; a
+    padded place keeps S = 1 and touches nothing. Opposite columns have opposite cosines, so vectors over a row hold the
+    negative in their second half wherever a formula multiplies by cos(theta) or sin(theta) of the column.
 
     Attributes
     ----------
-    cells, columns, padded : int
-        M, N and the padded M.
-    cos_centre, cos_up, cos_down : ndarray, (padded,)
-        cos(latitude) at the cell's centre, its face towards the edge, its face towards the equator.
-    flux_up, flux_down, flux_around : ndarray, (padded,)
-        1/(2 Lambda) times 1/2 times the geometry of each face: multiply with H³ and the difference of Q. In the fitted
-        scheme the last ``flux_down`` also holds the second cell's part of the slope at the edge, ``edge_correction``.
-    couette, feed : ndarray, (padded,)
+    latitudes, columns : int
+        M and N.
+    half, rows : int
+        The padded M and N/2.
+    node, flux_node : ndarray, (2 half,)
+        cos(latitude) at the Gauss points and at the flux points; signed.
+    gradient : ndarray, (half * 2 half,)
+        1/(2 Lambda) times 1/2 times cos(latitude) d_l of a polynomial, at the flux points, from Q - 1 at the Gauss points; by
+        columns.
+    divergence : ndarray, (half * 2 half,)
+        (1/cos l) d_l of the flux polynomial at the Gauss points, from its values at the flux points; by columns.
+    across : ndarray, (4 * half * 2 half,)
+        divergence diag((1 - flux_node g)³) gradient as a cubic in g: its four coefficients.
+    flux_around : ndarray, (2 half,)
+        The same scale times the geometry of a face between columns: multiply with H³ and the difference of Q.
+    couette, feed : ndarray, (2 half,)
         Half the azimuthal difference quotient's factor, and beta/(2 Lambda).
-    weight : ndarray, (padded,)
-        2 dtheta times the integral of cos² over the cell: its share of the force, both halves of the band.
-    cos, sin, cos_face, sin_face : ndarray, (N,)
-        of the azimuth at the centres and at the faces half a cell further.
+    weight : ndarray, (2 half,)
+        2 dtheta times the weight of the integral of cos²: the node's share of the force, both halves of the band; signed.
+    cos, sin, cos_face, sin_face : ndarray, (rows,)
+        of the azimuth at the first half's columns and half a column further.
     supply : float
         P_s².
-    eye : ndarray, ((padded + 2) * padded,)
-        A row of zeros, the unit matrix, a row of zeros: unit vectors for the blocks of the linear solver.
-    area : ndarray, (padded,)
-        Integral of cos(latitude) over the cell times dtheta: the cell's area on the unit sphere, half band.
-    edge_correction : float
-        Part of the last ``flux_down`` that belongs to the open edge.
+    unit : ndarray, (half * 2 half,)
+        Unit vectors of both halves, by columns.
+    eye : ndarray, ((2 half)²,)
+        The unit matrix of a row.
+    area : ndarray, (M,)
+        Weight of the integral of cos(latitude) times dtheta: the node's area on the unit sphere, half band.
     """
 
-    cells: int
+    latitudes: int
     columns: int
-    padded: int
-    cos_centre: np.ndarray
-    cos_up: np.ndarray
-    cos_down: np.ndarray
-    flux_up: np.ndarray
-    flux_down: np.ndarray
+    half: int
+    rows: int
+    node: np.ndarray
+    flux_node: np.ndarray
+    gradient: np.ndarray
+    divergence: np.ndarray
+    across: np.ndarray
     flux_around: np.ndarray
     couette: np.ndarray
     feed: np.ndarray
@@ -94,13 +109,47 @@ class Film(NamedTuple):
     cos_face: np.ndarray
     sin_face: np.ndarray
     supply: float
+    unit: np.ndarray
     eye: np.ndarray
     area: np.ndarray
-    edge_correction: float
+
+
+def latitude_operators(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The staggered pair of polynomials on [0, 1], symmetric about 0.
+
+    Parameters
+    ----------
+    count : int
+        M.
+
+    Returns
+    -------
+    node, weight : ndarray, (M,)
+        Positive Gauss points of order 2 M and their weights.
+    flux_node : ndarray, (M,)
+        Positive Gauss-Lobatto points of order 2 M + 1; the last is 1.
+    gradient : ndarray, (M, M)
+        From values at the nodes of an even polynomial that vanishes at 1 to its derivative at the flux nodes.
+    divergence : ndarray, (M, M)
+        From values at the flux nodes of an odd polynomial to its derivative at the nodes.
+    """
+    points, weights = legendre.leggauss(2 * count)
+    node, weight = points[count:], weights[count:]
+    inner = legendre.Legendre.basis(2 * count).deriv().roots().real
+    flux_node = np.append(np.sort(inner[inner > 1e-9]), 1.0)
+    even, odd = (np.eye(2 * count)[:, first::2] for first in (0, 1))  # Legendre coefficients of the bases
+    slopes = (legendre.legder(basis) for basis in (even, odd))
+    even_slope, odd_slope = slopes
+    bubble = (1.0 - node[:, None]**2) * legendre.legval(node, even).T
+    bubble_slope = ((1.0 - flux_node[:, None]**2) * legendre.legval(flux_node, even_slope).T
+                    - 2.0 * flux_node[:, None] * legendre.legval(flux_node, even).T)
+    gradient = bubble_slope @ np.linalg.inv(bubble)
+    divergence = legendre.legval(node, odd_slope).T @ np.linalg.inv(legendre.legval(flux_node, odd).T)
+    return node, weight, flux_node, gradient, divergence
 
 
 def build_film(design: Design, bearing_number: float, mesh: Mesh = DEFAULT_MESH, scheme: str = "fitted") -> Film:
-    """Mesh and coefficients of the film at one bearing number.
+    """Nodes and coefficients of the film at one bearing number.
 
     Parameters
     ----------
@@ -109,70 +158,93 @@ def build_film(design: Design, bearing_number: float, mesh: Mesh = DEFAULT_MESH,
         Lambda > 0.
     mesh : Mesh
     scheme : str
-        ``fitted``: differences around are exact for the first harmonic, and the slope at the open edge is second order.
-        ``plain``: central differences and the slope over the last half cell. Both are second order; the Couette term of
-        ``plain`` turns the film 0.6 % too slowly at N = 32, which is enough to unlock a half-speed whirl.
+        ``fitted``: differences around are exact for the first harmonic. ``plain``: central differences. Both are second
+        order; the Couette term of ``plain`` turns the film 0.6 % too slowly at N = 32, which is enough to unlock a
+        half-speed whirl.
 
     Returns
     -------
     Film
     """
     m, n = mesh
-    padded = -(-m // WIDTH) * WIDTH
-    edge = math.radians(design.bearing.edge_latitude)
-    face = np.linspace(0.0, edge, m + 1)
-    centre = 0.5 * (face[1:] + face[:-1])
-    dl, dt = edge / m, 2.0 * math.pi / n
-    strip = np.diff(np.sin(face))  # integral of cos(latitude)
+    half = HALF if m <= HALF else -(-m // WIDTH) * WIDTH
+    rows, width = n // 2, 2 * half
+    edge, dt = math.radians(design.bearing.edge_latitude), 2.0 * math.pi / n
+    s, weight, flux_s, gradient, divergence = latitude_operators(m)
+    cosine, flux_cosine = np.cos(edge * s), np.cos(edge * flux_s)
     scale = 0.5 / (2.0 * bearing_number)
-    up = scale * np.cos(face[1:]) / (strip * dl)
-    down = scale * np.cos(face[:-1]) / (strip * dl)
-    down[0] = 0.0  # symmetry at the equator
+    gradient = scale * flux_cosine[:, None] * gradient / edge
+    divergence = divergence / (edge * cosine[:, None])
     if scheme == "fitted":
-        # slope at the open edge from Q there and at two centres: (8 (1 - Q[M]) - (Q[M] - Q[M-1])) / (3 dl)
-        edge_flux = up[-1]
-        up[-1] = edge_flux * 8.0 / 3.0
-        down[-1] += edge_flux / 3.0
         # sin(dt) for dt and 2 - 2 cos(dt) for dt² make cos(t) and sin(t) exact
         span, span2 = math.sin(dt), 2.0 * (1.0 - math.cos(dt))
     else:
-        up[-1] *= 2.0
         span, span2 = dt, dt**2
 
-    def pad(values):
-        out = aligned_zeros(padded)
+    def vector(values, signed=False):
+        out = aligned_zeros(width)
         out[:m] = values
+        out[half:half + m] = -np.asarray(values) if signed else values
         return out
 
-    theta = np.arange(n) * dt
-    eye = aligned_zeros((padded + 2) * padded)
-    eye[padded:-padded] = np.eye(padded).ravel()
+    def matrix(values, signed=False):
+        out = aligned_zeros(half * width)
+        columns = out.reshape(half, width)
+        columns[:m, :m] = values.T
+        columns[:m, half:half + m] = -values.T if signed else values.T
+        return out
+
+    across = aligned_zeros(4 * half * width)
+    for k, binomial in enumerate((1.0, -3.0, 3.0, -1.0)):
+        power = divergence @ (binomial * flux_cosine[:, None]**k * gradient)
+        across[k * half * width:(k + 1) * half * width] = matrix(power, signed=k % 2 == 1)
+    unit, eye = aligned_zeros(half * width), aligned_zeros(width * width)
+    unit[:] = np.tile(np.eye(half), 2).ravel()
+    eye[:] = np.eye(width).ravel()
+    theta = np.arange(rows) * dt
     return Film(
-        cells=m, columns=n, padded=padded,
-        cos_centre=pad(np.cos(centre)), cos_up=pad(np.cos(face[1:])), cos_down=pad(np.cos(face[:-1])),
-        flux_up=pad(up), flux_down=pad(down),
-        flux_around=pad(scale * dl / (np.cos(centre) * strip * span2)),
-        couette=pad(0.25 / span), feed=pad(design.feeding_number / (2.0 * bearing_number)),
-        weight=pad(2.0 * dt * np.diff(0.5 * face + 0.25 * np.sin(2.0 * face))),
+        latitudes=m, columns=n, half=half, rows=rows,
+        node=vector(cosine, signed=True), flux_node=vector(flux_cosine, signed=True),
+        gradient=matrix(gradient), divergence=matrix(divergence), across=across,
+        flux_around=vector(scale / (cosine**2 * span2)),
+        couette=vector(0.25 / span), feed=vector(design.feeding_number / (2.0 * bearing_number)),
+        weight=vector(2.0 * dt * edge * weight * cosine**2, signed=True),
         cos=np.cos(theta), sin=np.sin(theta), cos_face=np.cos(theta + 0.5 * dt), sin_face=np.sin(theta + 0.5 * dt),
-        supply=design.bearing.supply_pressure_ratio**2, eye=eye, area=pad(strip * dt),
-        edge_correction=float(up[-1] / 8.0) if scheme == "fitted" else 0.0,
+        supply=design.bearing.supply_pressure_ratio**2, unit=unit, eye=eye, area=edge * weight * cosine * dt,
     )
 
 
 def film_size(film: Film) -> int:
     """Number of film entries in the state vector, padding included."""
-    return film.columns * film.padded
+    return film.rows * 2 * film.half
+
+
+def film_index(film: Film) -> np.ndarray:
+    """Positions in the state vector of S[azimuth, latitude], shape (N, M)."""
+    places = np.arange(film_size(film)).reshape(film.rows, 2, film.half)
+    return places.transpose(1, 0, 2).reshape(film.columns, film.half)[:, : film.latitudes]
 
 
 def film_array(film: Film, state: np.ndarray) -> np.ndarray:
     """The film part of a state vector as S[azimuth, latitude], without the padding. Shape (N, M)."""
-    return state[: film_size(film)].reshape(film.columns, film.padded)[:, : film.cells]
+    return state[film_index(film)]
+
+
+def _geometry(film: Film) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """cos(latitude) at the nodes, and cosine and sine of the azimuth at the columns and at the faces east of them."""
+    around = [np.concatenate([a, -a]) for a in (film.cos, film.sin, film.cos_face, film.sin_face)]
+    return film.node[: film.latitudes], *around
+
+
+def _small(film: Film, matrix: np.ndarray) -> np.ndarray:
+    """A matrix over latitudes without padding, (M, M)."""
+    return matrix.reshape(film.half, 2 * film.half)[: film.latitudes, : film.latitudes].T
 
 
 def thickness(film: Film, x: float, y: float) -> np.ndarray:
-    """Film thickness H = 1 - cos l (X cos t + Y sin t) at the cell centres, over C. Shape (N, M)."""
-    return 1.0 - np.outer(x * film.cos + y * film.sin, film.cos_centre[: film.cells])
+    """Film thickness H = 1 - cos l (X cos t + Y sin t) at the nodes, over C. Shape (N, M)."""
+    node, cos, sin, _, _ = _geometry(film)
+    return 1.0 - np.outer(x * cos + y * sin, node)
 
 
 def film_fluxes(film: Film, s: np.ndarray, x: float, y: float) -> dict[str, np.ndarray]:
@@ -189,26 +261,22 @@ def film_fluxes(film: Film, s: np.ndarray, x: float, y: float) -> dict[str, np.n
     Returns
     -------
     dict
-        ``latitude``, ``azimuth``, ``couette``, ``wall``, and ``edge``, the part of ``latitude`` that crosses the open edge.
+        ``latitude``, ``azimuth``, ``couette``, ``wall``, and ``edge``, (N,): gas that enters each column through the open edge,
+        per unit tau and azimuth.
     """
-    m = film.cells
+    m = film.latitudes
+    node, cos, sin, cos_face, sin_face = _geometry(film)
     q = (s / thickness(film, x, y)) ** 2
-    g = (x * film.cos + y * film.sin)[:, None]
-    upper = np.concatenate([q[:, 1:], np.ones((film.columns, 1))], axis=1)
-    up = film.flux_up[:m] * (1.0 - film.cos_up[:m] * g) ** 3 * (upper - q)
-    lower = np.concatenate([q[:, :1], q[:, :-1]], axis=1)
-    down = film.flux_down[:m] * (1.0 - film.cos_down[:m] * g) ** 3 * (q - lower)
-    gap = 1.0 - (x * film.cos_face + y * film.sin_face)[:, None] * film.cos_centre[:m]
+    gap = 1.0 - np.outer(x * cos + y * sin, film.flux_node[:m])
+    flux = gap**3 * ((q - 1.0) @ _small(film, film.gradient).T)
+    gap = 1.0 - np.outer(x * cos_face + y * sin_face, node)
     east = film.flux_around[:m] * gap**3 * (np.roll(q, -1, axis=0) - q)
-    edge = np.zeros_like(q)
-    correction = film.edge_correction * (1.0 - film.cos_down[m - 1] * g[:, 0]) ** 3 * (q[:, -1] - q[:, -2])
-    edge[:, -1] = up[:, -1] - correction
     return {
-        "latitude": up - down,
+        "latitude": flux @ _small(film, film.divergence).T,
         "azimuth": east - np.roll(east, 1, axis=0),
         "couette": -film.couette[:m] * (np.roll(s, -1, axis=0) - np.roll(s, 1, axis=0)),
         "wall": film.feed[:m] * (film.supply - q),
-        "edge": edge,
+        "edge": flux[:, -1],
     }
 
 
@@ -220,10 +288,11 @@ def film_slope(film: Film, s: np.ndarray, x: float, y: float) -> np.ndarray:
 
 def film_force(film: Film, s: np.ndarray, x: float, y: float) -> tuple[float, float]:
     """Force of the whole band on the journal, (F_x, F_y) over p_a R²."""
-    excess = ((s / thickness(film, x, y) - 1.0) * film.weight[: film.cells]).sum(axis=1)
-    return -float(excess @ film.cos), -float(excess @ film.sin)
+    _, cos, sin, _, _ = _geometry(film)
+    excess = ((s / thickness(film, x, y) - 1.0) * film.weight[: film.latitudes]).sum(axis=1)
+    return -float(excess @ cos), -float(excess @ sin)
 
 
 def gas_content(film: Film, s: np.ndarray) -> float:
     """Gas in the half band: integral of P H over the unit sphere's surface."""
-    return float((s * film.area[: film.cells]).sum())
+    return float((s * film.area).sum())

@@ -21,7 +21,7 @@ import numpy as np
 from numba import njit
 
 from spab_core.dtm import DTM_ORDER, build_series, dtm_step
-from spab_core.film import Film, film_size
+from spab_core.film import Film, film_index, film_size
 from spab_core.kernels import (
     Work,
     add_curvature,
@@ -160,8 +160,8 @@ def build_memory(film: Film, method: str = "rodas") -> Memory:
     size = n + ROTOR_STATES
     state, tangent = aligned_zeros(size), aligned_zeros(size)
     state[:n] = 1.0
-    cells = tangent[:n].reshape(film.columns, film.padded)
-    cells[:, : film.cells] = np.random.default_rng(0).standard_normal((film.columns, film.cells)) / math.sqrt(n)
+    places = film_index(film)
+    tangent[places] = np.random.default_rng(0).standard_normal(places.shape) / math.sqrt(n)
     tangent[n], tangent[n + 1], tangent[n + 4], tangent[n + 5] = 0.5, 0.3, 0.4, -0.2
     tangent /= np.linalg.norm(tangent)
     stages = aligned_zeros(20 * size).reshape(20, size)

@@ -1,7 +1,7 @@
 """Compiled kernels of the film and rotor equations: slope, tangent slope, curvature, and the linear solver of a step.
 
 Each computes a readable formula named in its docstring. ``system`` is (Film, RotorCoefficients); a state is the flat
-vector [S by column of latitudes, padded to eights; 8 rotor states]. The integrator (:mod:`spab_core.integrate`) knows a
+vector [S by rows of two opposite columns, padded (:class:`spab_core.film.Film`); 8 rotor states]. The integrator (:mod:`spab_core.integrate`) knows a
 system only through ``slope``, ``slope_tangent``, ``time_slope``, ``linearise``, ``solve``, ``prepare_curvature``,
 ``add_curvature`` and ``error_norm``.
 """
@@ -15,7 +15,8 @@ import numpy as np
 
 from spab_core.film import Film, film_size
 from spab_core.rotor import ROTOR_STATES
-from spab_core.simd import WIDTH, aligned_zeros, inner, kernel, next_rows, previous_rows, splat, vload, vmin, vstore, vsum
+from spab_core.rows import apply, following, near, opposite, preceding, turned
+from spab_core.simd import HALF, WIDTH, aligned_zeros, inner, kernel, splat, vload, vmin, vstore, vsum
 
 CENTRE = 1e-9  # below this eccentricity the direction of the contact force has no meaning; the force is left out
 
@@ -23,20 +24,23 @@ CENTRE = 1e-9  # below this eccentricity the direction of the contact force has 
 class Work(NamedTuple):
     """Scratch memory of one trajectory (all float64).
 
-    ``y``, ``p`` hold 1/H and P at the point of linearisation and ``q``, ``dq`` its Q and the derivative along the tangent;
-    ``tq``, ``tdq`` are the same of a stage. ``by_gas`` is dQ/dS, ``by_gap`` dQ per displacement towards the column;
-    ``by_gas2``, ``by_gap2`` and ``push`` to ``bend_y`` belong to :func:`prepare_curvature`. ``diagonal``, ``over``, ``under``
-    are the film matrix within a column, ``lower``, ``upper`` its couplings around, ``inverse``, ``fill`` the blocks of its
-    elimination, ``border`` its two columns for the journal's position and ``small`` the 2 x 2 remainder for the journal's
-    velocity and other single numbers.
+    ``y``, ``p``, ``q`` hold 1/H, P and Q - 1 at the point of linearisation, ``gq`` the gradient of Q across the band there and
+    ``dq`` the derivative of Q along the tangent; ``tq``, ``tdq``, ``flux``, ``dflux`` are Q - 1, its derivative and the fluxes
+    across the band of a stage. ``by_gas`` is dQ/dS, ``by_gap`` dQ per displacement towards the row's first column;
+    ``by_gas2``, ``by_gap2`` and ``push`` to ``bend_y`` belong to :func:`prepare_curvature`. ``lower``, ``upper`` are the couplings
+    of I - step J around, ``inverse``, ``fill``, ``separator`` the blocks of its elimination, ``border`` its two columns for the
+    journal's position and ``small`` the 2 x 2 remainder for the journal's velocity and other single numbers.
     """
 
     y: np.ndarray
     p: np.ndarray
     q: np.ndarray
+    gq: np.ndarray
     dq: np.ndarray
     tq: np.ndarray
     tdq: np.ndarray
+    flux: np.ndarray
+    dflux: np.ndarray
     by_gas: np.ndarray
     by_gas2: np.ndarray
     by_gap: np.ndarray
@@ -45,17 +49,14 @@ class Work(NamedTuple):
     own: np.ndarray
     east: np.ndarray
     west: np.ndarray
-    above: np.ndarray
-    below: np.ndarray
     bend_x: np.ndarray
     bend_y: np.ndarray
     diagonal: np.ndarray
-    over: np.ndarray
-    under: np.ndarray
-    inverse: np.ndarray
-    fill: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
+    inverse: np.ndarray
+    fill: np.ndarray
+    separator: np.ndarray
     border: np.ndarray
     scratch: np.ndarray
     small: np.ndarray
@@ -63,15 +64,10 @@ class Work(NamedTuple):
 
 def build_work(film: Film) -> Work:
     """Allocate the scratch memory of one trajectory."""
-    n, blocks = film_size(film), film.columns * film.padded**2
-    ghosted = film.columns * (film.padded + WIDTH) + 2 * WIDTH
-    sizes = dict.fromkeys(("q", "tq", "dq", "tdq", "by_gas", "by_gas2", "by_gap", "by_gap2"), ghosted)
-    sizes |= {"inverse": blocks, "fill": blocks,
-             "border": 2 * (n + ROTOR_STATES), "scratch": 6 * film.padded, "small": 32}
-    work = Work(*(aligned_zeros(sizes.get(name, n)) for name in Work._fields))
-    for q in (work.q, work.tq):
-        q[:] = 1.0  # Q = 1 beyond the edge; the derivatives there stay 0
-    return work
+    n, blocks = film_size(film), film_size(film) * film.half
+    sizes = {"own": blocks, "inverse": blocks, "fill": 2 * blocks, "separator": (2 * film.half)**2,
+             "border": 2 * (n + ROTOR_STATES), "scratch": 8 * film.half, "small": 32}
+    return Work(*(aligned_zeros(sizes.get(name, n)) for name in Work._fields))
 
 
 @kernel
@@ -140,7 +136,7 @@ def _load(rotor, n, t, out):
 def time_slope(system, t, out):
     """Partial derivative of the slope with respect to tau: unbalance, and the ramp while it lasts."""
     film, rotor = system
-    n = film.columns * film.padded
+    n = film.rows * 2 * film.half
     ramp = _ramp(rotor, t)
     rate = 1.0 / rotor.ramp if rotor.ramp > 0.0 and t < rotor.ramp else 0.0
     c = rate * math.cos(t) - ramp * math.sin(t)
@@ -153,45 +149,45 @@ def time_slope(system, t, out):
 
 
 @inner
-def slope(system, t, u, work, out):
-    """film.film_slope, film.film_force and rotor.rotor_slope. False where the journal is outside the clearance."""
+def east_flux(film, node, around, x, y, q, r, v, half):
+    """Flux through the faces east of row r."""
+    h = 1.0 - node * (x * film.cos_face[r] + y * film.sin_face[r])
+    return around * (h * h * h) * (following(q, r, v, film.rows, half) - vload(q, r * 2 * half + v))
+
+
+@inner
+def _slope(system, t, u, work, out, half):
     film, rotor = system
-    mp, columns = film.padded, film.columns
-    n, stride = columns * mp, mp + WIDTH
+    rows, width = film.rows, 2 * half
+    n = rows * width
     x, y = u[n], u[n + 1]
     if not x * x + y * y < 1.0:
         return False
-    q = work.tq
+    q, flux = work.tq, work.flux
     fx, fy = splat(0.0), splat(0.0)
-    for j in range(columns):
-        g = x * film.cos[j] + y * film.sin[j]
-        for i in range(0, mp, WIDTH):
-            p = vload(u, j * mp + i) / (1.0 - vload(film.cos_centre, i) * g)
-            vstore(q, WIDTH + j * stride + i, p * p)
-            excess = (p - 1.0) * vload(film.weight, i)
-            fx = fx - excess * film.cos[j]
-            fy = fy - excess * film.sin[j]
-    for i in range(0, mp, WIDTH):
-        centre, up, down = vload(film.cos_centre, i), vload(film.cos_up, i), vload(film.cos_down, i)
-        k_up, k_down, k_around = vload(film.flux_up, i), vload(film.flux_down, i), vload(film.flux_around, i)
-        couette, feed = vload(film.couette, i), vload(film.feed, i)
-        last = columns - 1
-        h = 1.0 - centre * (x * film.cos_face[last] + y * film.sin_face[last])
-        west = k_around * (h * h * h) * (vload(q, WIDTH + i) - vload(q, WIDTH + last * stride + i))
-        for j in range(columns):
-            je, jw = (j + 1 if j < last else 0), (j - 1 if j > 0 else last)
-            o = WIDTH + j * stride + i
-            qc = vload(q, o)
-            g = x * film.cos[j] + y * film.sin[j]
-            h = 1.0 - up * g
-            total = k_up * (h * h * h) * (vload(q, o + 1) - qc)
-            h = 1.0 - down * g
-            total = total - k_down * (h * h * h) * (qc - vload(q, o - 1))
-            h = 1.0 - centre * (x * film.cos_face[j] + y * film.sin_face[j])
-            east = k_around * (h * h * h) * (vload(q, WIDTH + je * stride + i) - qc)
-            total = total + (east - west) + feed * (film.supply - qc)
-            total = total - couette * (vload(u, je * mp + i) - vload(u, jw * mp + i))
-            vstore(out, j * mp + i, total)
+    for r in range(rows):
+        c, s = film.cos[r], film.sin[r]
+        g = x * c + y * s
+        for v in range(0, width, WIDTH):
+            p = vload(u, r * width + v) / (1.0 - vload(film.node, v) * g)
+            vstore(q, r * width + v, p * p - 1.0)
+            excess = (p - 1.0) * vload(film.weight, v)
+            fx, fy = fx - excess * c, fy - excess * s
+        for v in range(0, width, WIDTH):
+            h = 1.0 - vload(film.flux_node, v) * g
+            vstore(flux, r * width + v, (h * h * h) * apply(film.gradient, 0, q, r * width, v, half))
+    supply = film.supply - 1.0
+    for v in range(0, width, WIDTH):
+        node, around = vload(film.node, v), vload(film.flux_around, v)
+        couette, feed = vload(film.couette, v), vload(film.feed, v)
+        o = opposite(v, half)
+        west = turned(east_flux(film, vload(film.node, o), around, x, y, q, rows - 1, o, half), half)
+        for r in range(rows):
+            k = r * width + v
+            east = east_flux(film, node, around, x, y, q, r, v, half)
+            total = apply(film.divergence, 0, flux, r * width, v, half) + (east - west) + feed * (supply - vload(q, k))
+            total = total - couette * (following(u, r, v, rows, half) - preceding(u, r, v, rows, half))
+            vstore(out, k, total)
             west = east
     zero = (0.0, 0.0, 0.0, 0.0)
     c = contact(rotor, x, y, u[n + 4], u[n + 5], zero, zero)
@@ -201,65 +197,72 @@ def slope(system, t, u, work, out):
 
 
 @inner
-def slope_tangent(system, t, u, v, work, out, out_v):
-    """:func:`slope` at ``u`` and its derivative along ``v``, in one pass over memory."""
+def slope(system, t, u, work, out):
+    """film.film_slope, film.film_force and rotor.rotor_slope. False where the journal is outside the clearance."""
+    film, _ = system
+    if film.half == HALF:  # the constant lets the compiler keep a row in a register
+        return _slope(system, t, u, work, out, HALF)
+    return _slope(system, t, u, work, out, film.half)
+
+
+@inner
+def _east_flux_tangent(film, node, around, x, y, dx, dy, q, dq, r, v, half):
+    """Flux through the faces east of row r, and its derivative."""
+    c, s, k = film.cos_face[r], film.sin_face[r], r * 2 * half + v
+    h = 1.0 - node * (x * c + y * s)
+    slant = -3.0 * node * (dx * c + dy * s)
+    d = following(q, r, v, film.rows, half) - vload(q, k)
+    scale = around * (h * h)
+    return scale * h * d, scale * (slant * d + h * (following(dq, r, v, film.rows, half) - vload(dq, k)))
+
+
+@inner
+def _slope_tangent(system, t, u, v, work, out, out_v, half):
     film, rotor = system
-    mp, columns = film.padded, film.columns
-    n, stride = columns * mp, mp + WIDTH
+    rows, width = film.rows, 2 * half
+    n = rows * width
     x, y, dx, dy = u[n], u[n + 1], v[n], v[n + 1]
     if not x * x + y * y < 1.0:
         return False
-    q, dq = work.tq, work.tdq
+    q, dq, flux, dflux = work.tq, work.tdq, work.flux, work.dflux
     fx, fy, dfx, dfy = splat(0.0), splat(0.0), splat(0.0), splat(0.0)
-    for j in range(columns):
-        c, s = film.cos[j], film.sin[j]
+    for r in range(rows):
+        c, s = film.cos[r], film.sin[r]
         g, dg = x * c + y * s, dx * c + dy * s
-        for i in range(0, mp, WIDTH):
-            centre, weight = vload(film.cos_centre, i), vload(film.weight, i)
-            inverse = 1.0 / (1.0 - centre * g)
-            p = vload(u, j * mp + i) * inverse
-            dp = (vload(v, j * mp + i) + p * (centre * dg)) * inverse
-            o = WIDTH + j * stride + i
-            vstore(q, o, p * p)
-            vstore(dq, o, (p + p) * dp)
+        for i in range(0, width, WIDTH):
+            k = r * width + i
+            node, weight = vload(film.node, i), vload(film.weight, i)
+            inverse = 1.0 / (1.0 - node * g)
+            p = vload(u, k) * inverse
+            dp = (vload(v, k) + p * (node * dg)) * inverse
+            vstore(q, k, p * p - 1.0)
+            vstore(dq, k, (p + p) * dp)
             excess, dexcess = (p - 1.0) * weight, dp * weight
             fx, fy = fx - excess * c, fy - excess * s
             dfx, dfy = dfx - dexcess * c, dfy - dexcess * s
-    for i in range(0, mp, WIDTH):
-        centre, up, down = vload(film.cos_centre, i), vload(film.cos_up, i), vload(film.cos_down, i)
-        k_up, k_down, k_around = vload(film.flux_up, i), vload(film.flux_down, i), vload(film.flux_around, i)
+        for i in range(0, width, WIDTH):
+            k = r * width + i
+            node = vload(film.flux_node, i)
+            h = 1.0 - node * g
+            h2, gradient = h * h, apply(film.gradient, 0, q, r * width, i, half)
+            vstore(flux, k, h2 * h * gradient)
+            vstore(dflux, k, h2 * (h * apply(film.gradient, 0, dq, r * width, i, half) - (3.0 * dg) * node * gradient))
+    supply = film.supply - 1.0
+    for i in range(0, width, WIDTH):
+        node, around = vload(film.node, i), vload(film.flux_around, i)
         couette, feed = vload(film.couette, i), vload(film.feed, i)
-        last = columns - 1
-        h = 1.0 - centre * (x * film.cos_face[last] + y * film.sin_face[last])
-        dh = -3.0 * centre * (dx * film.cos_face[last] + dy * film.sin_face[last])
-        ol = WIDTH + last * stride + i
-        d = vload(q, WIDTH + i) - vload(q, ol)
-        k = k_around * (h * h)
-        west, dwest = k * h * d, k * (dh * d + h * (vload(dq, WIDTH + i) - vload(dq, ol)))
-        for j in range(columns):
-            je, jw = (j + 1 if j < last else 0), (j - 1 if j > 0 else last)
-            o, oe = WIDTH + j * stride + i, WIDTH + je * stride + i
-            qc, dqc = vload(q, o), vload(dq, o)
-            g = x * film.cos[j] + y * film.sin[j]
-            dg = -3.0 * (dx * film.cos[j] + dy * film.sin[j])
-            h = 1.0 - up * g
-            k, d = k_up * (h * h), vload(q, o + 1) - qc
-            total = k * h * d
-            dtotal = k * (up * dg * d + h * (vload(dq, o + 1) - dqc))
-            h = 1.0 - down * g
-            k, d = k_down * (h * h), qc - vload(q, o - 1)
-            total = total - k * h * d
-            dtotal = dtotal - k * (down * dg * d + h * (dqc - vload(dq, o - 1)))
-            h = 1.0 - centre * (x * film.cos_face[j] + y * film.sin_face[j])
-            dh = -3.0 * centre * (dx * film.cos_face[j] + dy * film.sin_face[j])
-            k, d = k_around * (h * h), vload(q, oe) - qc
-            east, deast = k * h * d, k * (dh * d + h * (vload(dq, oe) - dqc))
-            total = total + (east - west) + feed * (film.supply - qc)
-            dtotal = dtotal + (deast - dwest) - feed * dqc
-            total = total - couette * (vload(u, je * mp + i) - vload(u, jw * mp + i))
-            dtotal = dtotal - couette * (vload(v, je * mp + i) - vload(v, jw * mp + i))
-            vstore(out, j * mp + i, total)
-            vstore(out_v, j * mp + i, dtotal)
+        o = opposite(i, half)
+        west, dwest = _east_flux_tangent(film, vload(film.node, o), around, x, y, dx, dy, q, dq, rows - 1, o, half)
+        west, dwest = turned(west, half), turned(dwest, half)
+        for r in range(rows):
+            k = r * width + i
+            east, deast = _east_flux_tangent(film, node, around, x, y, dx, dy, q, dq, r, i, half)
+            total = apply(film.divergence, 0, flux, r * width, i, half) + (east - west) + feed * (supply - vload(q, k))
+            dtotal = apply(film.divergence, 0, dflux, r * width, i, half) + (deast - dwest) - feed * vload(dq, k)
+            total = total - couette * (following(u, r, i, rows, half) - preceding(u, r, i, rows, half))
+            dtotal = dtotal - couette * (following(v, r, i, rows, half) - preceding(v, r, i, rows, half))
+            vstore(out, k, total)
+            vstore(out_v, k, dtotal)
             west, dwest = east, deast
     a = (dx, dy, v[n + 4], v[n + 5])
     c = contact(rotor, x, y, u[n + 4], u[n + 5], a, (0.0, 0.0, 0.0, 0.0))
@@ -270,104 +273,124 @@ def slope_tangent(system, t, u, v, work, out, out_v):
 
 
 @inner
+def slope_tangent(system, t, u, v, work, out, out_v):
+    """:func:`slope` at ``u`` and its derivative along ``v``, in one pass over memory."""
+    film, _ = system
+    if film.half == HALF:
+        return _slope_tangent(system, t, u, v, work, out, out_v, HALF)
+    return _slope_tangent(system, t, u, v, work, out, out_v, film.half)
+
+
+@inner
+def _bent_face(film, work, node, around, x, y, vx, vy, r, i, half):
+    """Second derivatives of the flux east of row r along v and: the gas east, the gas here, the journal's x, y."""
+    rows, k = film.rows, r * 2 * half + i
+    re = r + 1 if r + 1 < rows else 0
+    q, dq, a, e, b, f = work.q, work.dq, work.by_gas, work.by_gas2, work.by_gap, work.by_gap2
+    cf, sf = film.cos_face[r], film.sin_face[r]
+    h, vh = 1.0 - node * (x * cf + y * sf), -1.0 * node * (vx * cf + vy * sf)
+    k0, k1 = around * (h * h * h), 3.0 * around * (h * h) * vh
+    jump, djump = following(q, r, i, rows, half) - vload(q, k), following(dq, r, i, rows, half) - vload(dq, k)
+    k2 = -3.0 * node * (around * h) * (2.0 * vh * jump + h * djump)
+    east = k1 * following(a, r, i, rows, half) + k0 * following(e, r, i, rows, half)
+    here = k1 * vload(a, k) + k0 * vload(e, k)
+    # by_gap of the row after the last, whose halves are exchanged, still goes with the cosine of row 0
+    gap_east = k1 * following(b, r, i, rows, half) + k0 * following(f, r, i, rows, half)
+    gap = k1 * vload(b, k) + k0 * vload(f, k)
+    return (east, here, k2 * cf + gap_east * film.cos[re] - gap * film.cos[r],
+            k2 * sf + gap_east * film.sin[re] - gap * film.sin[r])
+
+
+@inner
+def _prepare_curvature(system, u, v, work, half):
+    film, _ = system
+    rows, width = film.rows, 2 * half
+    n, size = rows * width, half * width
+    x, y, vx, vy = u[n], u[n + 1], v[n], v[n + 1]
+    dq, a, e, b, f = work.dq, work.by_gas, work.by_gas2, work.by_gap, work.by_gap2
+    fxx, fxy, fyy = splat(0.0), splat(0.0), splat(0.0)
+    for r in range(rows):
+        c, s = film.cos[r], film.sin[r]
+        g, vg = x * c + y * s, vx * c + vy * s
+        for i in range(0, width, WIDTH):
+            k = r * width + i
+            node, inverse, p = vload(film.node, i), vload(work.y, k), vload(work.p, k)
+            turn = node * inverse  # -dH/H of a unit displacement towards the column
+            vp = vload(v, k) * inverse + p * turn * vg
+            second = 2.0 * inverse * (vp + p * turn * vg)
+            vstore(dq, k, (p + p) * vp)
+            vstore(e, k, second)
+            vstore(f, k, (second * p + vload(a, k) * vp) * node)
+            push = vload(film.weight, i) * turn
+            vstore(work.push, k, push * inverse * vg)
+            push = push * (vp + p * turn * vg)
+            fxx, fxy, fyy = fxx + push * (c * c), fxy + push * (c * s), fyy + push * (s * s)
+        for i in range(0, width, WIDTH):
+            k, node = r * width + i, vload(film.flux_node, i)
+            h, vh = 1.0 - node * g, -1.0 * node * vg
+            total = -3.0 * node * h * (2.0 * vh * vload(work.gq, k) + h * apply(film.gradient, 0, dq, r * width, i, half))
+            total = total + 3.0 * (h * h) * vh * apply(film.gradient, 0, b, r * width, i, half)
+            vstore(work.flux, k, total + h * h * h * apply(film.gradient, 0, f, r * width, i, half))
+    work.small[20], work.small[21], work.small[22] = vsum(fxx), vsum(fxy), vsum(fyy)
+    for i in range(0, width, WIDTH):
+        node, around, feed = vload(film.node, i), vload(film.flux_around, i), vload(film.feed, i)
+        o = opposite(i, half)
+        west, back, west_x, west_y = _bent_face(film, work, vload(film.node, o), around, x, y, vx, vy, rows - 1, o, half)
+        west, back, west_x, west_y = turned(west, half), turned(back, half), turned(west_x, half), turned(west_y, half)
+        for r in range(rows):
+            k = r * width + i
+            c, s = film.cos[r], film.sin[r]
+            g, vg = x * c + y * s, vx * c + vy * s
+            east, here, east_x, east_y = _bent_face(film, work, node, around, x, y, vx, vy, r, i, half)
+            vstore(work.east, k, east)
+            vstore(work.west, k, back)
+            bend = apply(film.divergence, 0, work.flux, r * width, i, half) - feed * vload(f, k)
+            vstore(work.bend_x, k, bend * c + (east_x - west_x))
+            vstore(work.bend_y, k, bend * s + (east_y - west_y))
+            diagonal = here + west + feed * vload(e, k)
+            for j in range(half):
+                m = j * width + i
+                a0, a1 = vload(film.across, m), vload(film.across, size + m)
+                a2, a3 = vload(film.across, 2 * size + m), vload(film.across, 3 * size + m)
+                straight, slant = a0 + g * (a1 + g * (a2 + g * a3)), vg * (a1 + g * (2.0 * a2 + (3.0 * g) * a3))
+                block = slant * near(a, r * width, j, i, half) + straight * near(e, r * width, j, i, half)
+                vstore(work.own, r * size + m, block - diagonal * vload(film.unit, m))
+            west, back, west_x, west_y = east, here, east_x, east_y
+
+
+@inner
 def prepare_curvature(system, u, v, work):
     """Form the derivative of the Jacobian along ``v`` at the point of linearisation ``u``, for :func:`add_curvature`.
 
     It has the stencil of the Jacobian. With P = S/H and one direction v fixed, dQ[w] = a w + b dH and d²Q[v, w] = e w + f dH
-    in a cell, where a = 2P/H, b = -aP, e = 2 (dvP - P dvH/H)/H, f = -Pe - a dvP; a face adds k [6 H dvH dwH DQ
+    at a node, where a = 2P/H, b = -aP, e = 2 (dvP - P dvH/H)/H, f = -Pe - a dvP; a flux k H³ DQ adds k [6 H dvH dwH DQ
     + 3 H² (dvH D dwQ + dwH D dvQ) + H³ D d²Q]. The journal's displacement makes two columns of their own, and the force's
     part is d²P[v, w] = -(dwH dvP + dvH dwP)/H.
     """
     film, _ = system
-    mp, columns = film.padded, film.columns
-    n, stride = columns * mp, mp + WIDTH
-    x, y, vx, vy = u[n], u[n + 1], v[n], v[n + 1]
-    q, dq, a, e, b, f = work.q, work.dq, work.by_gas, work.by_gas2, work.by_gap, work.by_gap2
-    fxx, fxy, fyy = splat(0.0), splat(0.0), splat(0.0)
-    for j in range(columns):
-        c, s = film.cos[j], film.sin[j]
-        vg = vx * c + vy * s
-        for i in range(0, mp, WIDTH):
-            o = WIDTH + j * stride + i
-            centre, inverse, p = vload(film.cos_centre, i), vload(work.y, j * mp + i), vload(work.p, j * mp + i)
-            turn = centre * inverse  # -dH/H of a unit displacement towards the column
-            vp = vload(v, j * mp + i) * inverse + p * turn * vg
-            first = vload(a, o)
-            second = 2.0 * inverse * (vp + p * turn * vg)
-            vstore(dq, o, (p + p) * vp)
-            vstore(e, o, second)
-            vstore(f, o, (second * p + first * vp) * centre)
-            push = vload(film.weight, i) * turn
-            vstore(work.push, j * mp + i, push * inverse * vg)
-            push = push * (vp + p * turn * vg)
-            fxx, fxy, fyy = fxx + push * (c * c), fxy + push * (c * s), fyy + push * (s * s)
-    work.small[20], work.small[21], work.small[22] = vsum(fxx), vsum(fxy), vsum(fyy)
-    last = columns - 1
-    for i in range(0, mp, WIDTH):
-        centre, up, down = vload(film.cos_centre, i), vload(film.cos_up, i), vload(film.cos_down, i)
-        k_up, k_down, k_around = vload(film.flux_up, i), vload(film.flux_down, i), vload(film.flux_around, i)
-        feed = vload(film.feed, i)
-        west, west_x, west_y = splat(0.0), splat(0.0), splat(0.0)
-        for jj in range(columns + 1):
-            j = jj - 1 if jj > 0 else last  # the face west of column 0 first
-            je = j + 1 if j < last else 0
-            o, oe = WIDTH + j * stride + i, WIDTH + je * stride + i
-            here, there = j * mp + i, je * mp + i
-            cf, sf = film.cos_face[j], film.sin_face[j]
-            h, vh = 1.0 - centre * (x * cf + y * sf), -centre * (vx * cf + vy * sf)
-            k0, k1 = k_around * (h * h * h), 3.0 * k_around * (h * h) * vh
-            k2 = -3.0 * centre * (k_around * h) * (2.0 * vh * (vload(q, oe) - vload(q, o)) + h * (vload(dq, oe) - vload(dq, o)))
-            east, back = k1 * vload(a, oe) + k0 * vload(e, oe), k1 * vload(a, o) + k0 * vload(e, o)
-            gap_e, gap = k1 * vload(b, oe) + k0 * vload(f, oe), k1 * vload(b, o) + k0 * vload(f, o)
-            ce, se = film.cos[je], film.sin[je]
-            c, s = film.cos[j], film.sin[j]
-            east_x, east_y = k2 * cf + gap_e * ce - gap * c, k2 * sf + gap_e * se - gap * s
-            vstore(work.east, here, east)
-            vstore(work.west, there, back)
-            if jj > 0:
-                g, vg = x * c + y * s, vx * c + vy * s
-                h, vh = 1.0 - up * g, -up * vg
-                k0, k1 = k_up * (h * h * h), 3.0 * k_up * (h * h) * vh
-                k2 = -3.0 * up * (k_up * h) * (2.0 * vh * (vload(q, o + 1) - vload(q, o))
-                                               + h * (vload(dq, o + 1) - vload(dq, o)))
-                total = k2 + k1 * (vload(b, o + 1) - vload(b, o)) + k0 * (vload(f, o + 1) - vload(f, o))
-                own = -1.0 * (k1 * vload(a, o) + k0 * vload(e, o))
-                vstore(work.above, here, k1 * vload(a, o + 1) + k0 * vload(e, o + 1))
-                h, vh = 1.0 - down * g, -down * vg
-                k0, k1 = k_down * (h * h * h), 3.0 * k_down * (h * h) * vh
-                k2 = -3.0 * down * (k_down * h) * (2.0 * vh * (vload(q, o) - vload(q, o - 1))
-                                                   + h * (vload(dq, o) - vload(dq, o - 1)))
-                total = total - k2 - k1 * (vload(b, o) - vload(b, o - 1)) - k0 * (vload(f, o) - vload(f, o - 1))
-                total = total - feed * vload(f, o)
-                vstore(work.below, here, k1 * vload(a, o - 1) + k0 * vload(e, o - 1))
-                vstore(work.own, here, own - k1 * vload(a, o) - k0 * vload(e, o) - back - west - feed * vload(e, o))
-                vstore(work.bend_x, here, total * c + (east_x - west_x))
-                vstore(work.bend_y, here, total * s + (east_y - west_y))
-            west, west_x, west_y = east, east_x, east_y
+    if film.half == HALF:
+        _prepare_curvature(system, u, v, work, HALF)
+    else:
+        _prepare_curvature(system, u, v, work, film.half)
 
 
 @inner
-def add_curvature(system, u, v, w, scale, work, out):
-    """out += scale * d²f(u)[v, w], the second derivative of the slope, after :func:`prepare_curvature` for ``v``."""
+def _add_curvature(system, u, v, w, scale, work, out, half):
     film, rotor = system
-    mp, columns = film.padded, film.columns
-    n = columns * mp
+    rows, width = film.rows, 2 * half
+    n, size = rows * width, half * width
     fx, fy = splat(0.0), splat(0.0)
     wx, wy = w[n], w[n + 1]
-    last = columns - 1
-    for j in range(columns):
-        je, jw = (j + 1 if j < last else 0), (j - 1 if j > 0 else last)
-        for i in range(0, mp, WIDTH):
-            k = j * mp + i
-            here = vload(w, k)
-            # the first and last cell of a column have no neighbour: there the coefficient is zero
-            over, under = next_rows(here, vload(w, k + WIDTH)), previous_rows(vload(w, max(k - WIDTH, 0)), here)
-            total = vload(work.own, k) * here + vload(work.bend_x, k) * wx + vload(work.bend_y, k) * wy
-            total = total + vload(work.east, k) * vload(w, je * mp + i) + vload(work.west, k) * vload(w, jw * mp + i)
-            total = total + vload(work.above, k) * over + vload(work.below, k) * under
+    for r in range(rows):
+        for i in range(0, width, WIDTH):
+            k = r * width + i
+            total = apply(work.own, r * size, w, r * width, i, half)
+            total = total + vload(work.bend_x, k) * wx + vload(work.bend_y, k) * wy
+            total = total + vload(work.east, k) * following(w, r, i, rows, half)
+            total = total + vload(work.west, k) * preceding(w, r, i, rows, half)
             vstore(out, k, vload(out, k) + scale * total)
-            push = vload(work.push, k) * here
-            fx, fy = fx - push * film.cos[j], fy - push * film.sin[j]
+            push = vload(work.push, k) * vload(w, k)
+            fx, fy = fx - push * film.cos[r], fy - push * film.sin[r]
     small = work.small
     gx, gy = small[20] * wx + small[21] * wy, small[21] * wx + small[22] * wy
     a, b = (v[n], v[n + 1], v[n + 4], v[n + 5]), (w[n], w[n + 1], w[n + 4], w[n + 5])
@@ -376,17 +399,27 @@ def add_curvature(system, u, v, w, scale, work, out):
     out[n + 5] += scale * rotor.inverse_mass * (vsum(fy) - gy + c[7])
 
 
+@inner
+def add_curvature(system, u, v, w, scale, work, out):
+    """out += scale * d²f(u)[v, w], the second derivative of the slope, after :func:`prepare_curvature` for ``v``."""
+    film, _ = system
+    if film.half == HALF:
+        _add_curvature(system, u, v, w, scale, work, out, HALF)
+    else:
+        _add_curvature(system, u, v, w, scale, work, out, film.half)
+
+
 @kernel
 def error_norm(system, work, new, error):
     """Size of a step's error: the worst of journal and disc position (over C), velocity (over 1 + speed) and film (rms)."""
     film, _ = system
-    n = film.columns * film.padded
+    n = film.rows * 2 * film.half
     total, least = splat(0.0), splat(math.inf)
     for k in range(0, n, WIDTH):
         gas = vload(new, k)
         scaled = vload(error, k) / (1.0 + gas)
         total, least = total + scaled * scaled, vmin(least, gas)
-    worst = math.sqrt(vsum(total) / (film.columns * film.cells))
+    worst = math.sqrt(vsum(total) / (film.columns * film.latitudes))
     vstore(work.scratch, 0, least)
     for k in range(WIDTH):
         if not work.scratch[k] > 0.0:

@@ -1,7 +1,7 @@
 """Eight doubles in one register: a numba scalar type for explicit SIMD.
 
-LLVM's loop vectoriser gives up on the short, possibly aliasing loops of the film kernels (8 latitudes a column), so
-they name their vectors. Values of type ``f64x8`` support ``+ - * /`` among themselves and with floats; memory is
+LLVM's loop vectoriser gives up on the short, possibly aliasing loops of the film kernels (4 latitudes of two columns in a
+register), so they name their vectors. Values of type ``f64x8`` support ``+ - * /`` among themselves and with floats; memory is
 reached with :func:`vload` and :func:`vstore`. LLVM maps them to one AVX-512, two AVX2 or four SSE/NEON registers.
 """
 
@@ -14,7 +14,7 @@ from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
-WIDTH = 8
+WIDTH, HALF = 8, 4
 
 # Kernels pass tuples of some fifty arrays to each other: counting references of each, atomically, would cost as much as the
 # arithmetic. They allocate nothing, so numba's runtime stays out; numpy's rules for division keep tests out of the loops.
@@ -65,10 +65,14 @@ def _broadcast(builder, one):
     return _lane(builder, vector, 0)
 
 
-def _lane(builder, vector, k):
-    """Element k in all places."""
-    return builder.shuffle_vector(vector, ir.Constant(_VECTOR, ir.Undefined),
-                                  ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [k] * WIDTH))
+def _shuffle(builder, a, b, lanes):
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), lanes))
+
+
+def _lane(builder, vector, k, span=WIDTH):
+    """Element k of each ``span`` places in all of them."""
+    lanes = [first + k for first in range(0, WIDTH, span) for _ in range(span)]
+    return _shuffle(builder, vector, ir.Constant(_VECTOR, ir.Undefined), lanes)
 
 
 @intrinsic
@@ -151,23 +155,22 @@ def _negate(a):
     return None
 
 
-def _neighbour(first):
+def _shuffled(lanes):
     @intrinsic
-    def shifted(typingctx, a, b):
+    def shuffled(typingctx, a, b):
         if a != f64x8 or b != f64x8:
             return None
 
         def codegen(context, builder, signature, args):
-            lanes = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), list(range(first, first + WIDTH)))
-            return builder.shuffle_vector(args[0], args[1], lanes)
+            return _shuffle(builder, args[0], args[1], lanes)
 
         return f64x8(a, b), codegen
 
-    return shifted
+    return shuffled
 
 
-next_rows = _neighbour(1)  # (a, b): elements 1 to 7 of a and 0 of b
-previous_rows = _neighbour(WIDTH - 1)  # (a, b): element 7 of a and 0 to 6 of b
+both_halves = _shuffled([0, 1, 2, 3, 12, 13, 14, 15])  # (a, b): the first half of a and the second of b
+swapped_halves = _shuffled([4, 5, 6, 7, 0, 1, 2, 3])  # (a, a): the halves of a exchanged
 
 
 @intrinsic
@@ -182,41 +185,73 @@ def vmin(typingctx, a, b):
     return f64x8(a, b), codegen
 
 
-@intrinsic
-def invert_two(typingctx, array, first, second):
-    """Invert two 8 x 8 blocks of a flat array in place, by Gauss-Jordan without pivoting, all sixteen rows in registers.
+def _inversion(span):
+    @intrinsic
+    def invert_two(typingctx, array, first, second):
+        if not _is_flat(array) or not isinstance(first, types.Integer) or not isinstance(second, types.Integer):
+            return None
 
-    The two are independent: the arithmetic of one hides the latency of the other. ``first`` may equal ``second``.
-    """
-    if not _is_flat(array) or not isinstance(first, types.Integer) or not isinstance(second, types.Integer):
-        return None
+        def codegen(context, builder, signature, args):
+            contract = ("contract",)
+            pointers, blocks = [], []
+            for position, kind in zip(args[1:], signature.args[1:], strict=True):
+                start = context.cast(builder, position, kind, types.intp)
+                pointers.append([_pointer(context, builder, signature.args[0], args[0],
+                                          builder.add(start, ir.Constant(start.type, WIDTH * i))) for i in range(span)])
+                blocks.append([builder.load(pointer, align=8) for pointer in pointers[-1]])
+            ones = ir.Constant(_VECTOR, [1.0] * WIDTH)
+            for k in range(span):
+                own = [i % span == k for i in range(WIDTH)]
+                unit = ir.Constant(_VECTOR, [float(here) for here in own])
+                for rows in blocks:
+                    pivot = _lane(builder, builder.fdiv(ones, rows[k]), k, span)
+                    at_pivot = _shuffle(builder, rows[k], ones, [i + WIDTH * here for i, here in enumerate(own)])
+                    rows[k] = builder.fmul(at_pivot, pivot)
+                    # place k of the other rows must become - factor / pivot: one more in place k takes the factor itself away
+                    used = builder.fadd(rows[k], unit)
+                    for i in [*range(k + 1, span), *range(k)]:  # the next pivot's row first
+                        scaled = builder.fmul(_lane(builder, rows[i], k, span), used, flags=contract)
+                        rows[i] = builder.fsub(rows[i], scaled, flags=contract)
+            for rows, places in zip(blocks, pointers, strict=True):
+                for row, place in zip(rows, places, strict=True):
+                    builder.store(row, place, align=8)
+            return context.get_dummy_value()
 
-    def codegen(context, builder, signature, args):
-        contract = ("contract",)
-        pointers, blocks = [], []
-        for position, kind in zip(args[1:], signature.args[1:], strict=True):
-            start = context.cast(builder, position, kind, types.intp)
-            pointers.append([_pointer(context, builder, signature.args[0], args[0],
-                                      builder.add(start, ir.Constant(start.type, WIDTH * i))) for i in range(WIDTH)])
-            blocks.append([builder.load(pointer, align=8) for pointer in pointers[-1]])
-        one = ir.Constant(ir.DoubleType(), 1.0)
-        for k in range(WIDTH):
-            here = cgutils.int32_t(k)
-            for rows in blocks:
-                pivot = _broadcast(builder, builder.fdiv(one, builder.extract_element(rows[k], here)))
-                rows[k] = builder.fmul(builder.insert_element(rows[k], one, here), pivot)
-                # place k of the other rows must become - factor / pivot: one more in place k takes the factor itself away
-                unit = ir.Constant(_VECTOR, [1.0 if i == k else 0.0 for i in range(WIDTH)])
-                used = builder.fadd(rows[k], unit)
-                for i in [*range(k + 1, WIDTH), *range(k)]:  # the next pivot's row first
-                    scaled = builder.fmul(_lane(builder, rows[i], k), used, flags=contract)
-                    rows[i] = builder.fsub(rows[i], scaled, flags=contract)
-        for rows, places in zip(blocks, pointers, strict=True):
-            for row, place in zip(rows, places, strict=True):
-                builder.store(row, place, align=8)
-        return context.get_dummy_value()
+        return types.void(array, first, second), codegen
 
-    return types.void(array, first, second), codegen
+    return invert_two
+
+
+def _product(span):
+    @intrinsic
+    def times(typingctx, array, index, vector):
+        if not _is_flat(array) or not isinstance(index, types.Integer) or vector != f64x8:
+            return None
+
+        def codegen(context, builder, signature, args):
+            contract = ("contract",)
+            start = context.cast(builder, args[1], signature.args[1], types.intp)
+            totals = [None, None]  # two sums for latency
+            for k in range(span):
+                place = builder.add(start, ir.Constant(start.type, WIDTH * k))
+                column = builder.load(_pointer(context, builder, signature.args[0], args[0], place), align=8)
+                product = builder.fmul(column, _lane(builder, args[2], k, span), flags=contract)
+                total = totals[k % 2]
+                totals[k % 2] = product if total is None else builder.fadd(total, product, flags=contract)
+            return builder.fadd(*totals, flags=contract)
+
+        return f64x8(array, index, vector), codegen
+
+    return times
+
+
+# Blocks lie in a flat array by columns of eight. A block of "halves" is two 4 x 4 blocks side by side: its column k holds
+# column k of one in its first four places and of the other in its last.
+# invert(array, first, second): two of them in place, by Gauss-Jordan without pivoting, all in registers; the arithmetic of one
+# hides the latency of the other. ``first`` may equal ``second``.
+invert_blocks, invert_halves = _inversion(WIDTH), _inversion(HALF)
+# times(array, index, vector): the product with a vector, which stays in its register
+block_times, halves_times = _product(WIDTH), _product(HALF)
 
 
 @intrinsic
@@ -234,27 +269,6 @@ def vsum(typingctx, value):
     return types.float64(value), codegen
 
 
-@intrinsic
-def block_times(typingctx, array, index, vector):
-    """The 8 x 8 block stored by columns at ``array[index:]`` times a vector, which stays in its register."""
-    if not _is_flat(array) or not isinstance(index, types.Integer) or vector != f64x8:
-        return None
-
-    def codegen(context, builder, signature, args):
-        contract = ("contract",)
-        start = context.cast(builder, args[1], signature.args[1], types.intp)
-        totals = [None, None]  # two sums for latency
-        for k in range(WIDTH):
-            place = builder.add(start, ir.Constant(start.type, WIDTH * k))
-            column = builder.load(_pointer(context, builder, signature.args[0], args[0], place), align=8)
-            product = builder.fmul(column, _lane(builder, args[2], k), flags=contract)
-            total = totals[k % 2]
-            totals[k % 2] = product if total is None else builder.fadd(total, product, flags=contract)
-        return builder.fadd(*totals, flags=contract)
-
-    return f64x8(array, index, vector), codegen
-
-
 def aligned_zeros(n):
     """A float64 array of ``n`` zeros that starts on a cache line (64 bytes), so that vectors do not straddle two."""
     raw = np.zeros(n + WIDTH)
@@ -262,5 +276,5 @@ def aligned_zeros(n):
     return raw[start:start + n]
 
 
-__all__ = ["WIDTH", "aligned_zeros", "block_times", "f64x8", "inner", "invert_two", "kernel", "next_rows", "previous_rows",
-           "splat", "spread", "vload", "vmin", "vstore", "vsum"]
+__all__ = ["HALF", "WIDTH", "aligned_zeros", "block_times", "both_halves", "f64x8", "halves_times", "inner", "invert_blocks",
+           "invert_halves", "kernel", "splat", "spread", "swapped_halves", "vload", "vmin", "vstore", "vsum"]

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from spab_core.design import Design, InputError
-from spab_core.film import DEFAULT_MESH, Film, Mesh, build_film, film_size
+from spab_core.film import DEFAULT_MESH, Film, Mesh, build_film, film_index, film_size
 from spab_core.kernels import build_work, slope_tangent
 from spab_core.rotor import ROTOR_STATES, RotorCoefficients, build_rotor
 
@@ -65,8 +65,7 @@ class Threshold:
 def _unknowns(film: Film, rigid: bool) -> np.ndarray:
     """Positions in the state vector that really are unknowns: no padded cells, no disc for a rigid rotor."""
     n = film_size(film)
-    cells = np.arange(n).reshape(film.columns, film.padded)[:, : film.cells].ravel()
-    return np.concatenate([cells, n + np.array([0, 1, 4, 5] if rigid else range(ROTOR_STATES))])
+    return np.concatenate([film_index(film).ravel(), n + np.array([0, 1, 4, 5] if rigid else range(ROTOR_STATES))])
 
 
 def _dense_film(design: Design, bearing_number: float, mesh: Mesh) -> Film:

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from spab_core.design import reference_design
-from spab_core.film import Mesh, build_film, film_size
+from spab_core.film import Mesh, build_film, film_index, film_size
 from spab_core.integrate import METHODS, Options, advance, build_memory, build_record
 from spab_core.rotor import build_rotor
 
-SMALL = Mesh(6, 24)
+SMALL = Mesh(3, 24)
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -65,8 +65,7 @@ class Run:
     @property
     def unknowns(self):
         """Positions of the real unknowns in the state: no padded cells."""
-        cells = np.arange(self.n).reshape(self.film.columns, self.film.padded)[:, : self.film.cells].ravel()
-        return np.concatenate([cells, self.n + np.arange(8)])
+        return np.concatenate([film_index(self.film).ravel(), self.n + np.arange(8)])
 
 
 @pytest.fixture

@@ -1,0 +1,71 @@
+"""Vectors over a row of the film's state: two opposite columns side by side (:class:`spab_core.film.Film`).
+
+``half`` is the padded number of latitudes, a row has 2 ``half`` places. With half = 4 one register holds a row; the constant
+lets the compiler choose, so that each function costs what its own case costs.
+"""
+
+from __future__ import annotations
+
+from spab_core.simd import HALF, WIDTH, both_halves, halves_times, inner, splat, spread, swapped_halves, vload
+
+
+@inner
+def opposite(v, half):
+    """Where the register at place v of a row, once its halves are exchanged by :func:`turned`, comes from."""
+    return v if half == HALF else (v + half) % (2 * half)
+
+
+@inner
+def turned(value, half):
+    """A register loaded at :func:`opposite`, as the row with its halves exchanged holds it."""
+    if half == HALF:
+        return swapped_halves(value, value)
+    return value
+
+
+@inner
+def chosen(v, first, second, half):
+    """``first`` in the first half of a row, ``second`` in the other."""
+    if half == HALF:
+        return both_halves(first, second)
+    return first if v < half else second
+
+
+@inner
+def following(x, r, v, rows, half):
+    """The columns east of those in row r."""
+    if r + 1 < rows:
+        return vload(x, (r + 1) * 2 * half + v)
+    return turned(vload(x, opposite(v, half)), half)
+
+
+@inner
+def preceding(x, r, v, rows, half):
+    """The columns west of those in row r."""
+    if r > 0:
+        return vload(x, (r - 1) * 2 * half + v)
+    return turned(vload(x, (rows - 1) * 2 * half + opposite(v, half)), half)
+
+
+@inner
+def near(x, o, c, v, half):
+    """Latitude c of each half of the row at x[o:], in all places of its half."""
+    if half == HALF:
+        return both_halves(spread(x, o + c), spread(x, o + half + c))
+    return spread(x, o + c + (half if v >= half else 0))
+
+
+@inner
+def apply(matrix, o, x, ox, v, half):
+    """Register v of the product of two blocks side by side, stored by columns at matrix[o:], and the row at x[ox:]."""
+    if half == HALF:
+        return halves_times(matrix, o, vload(x, ox))
+    start = ox + (half if v >= half else 0)
+    even, odd = splat(0.0), splat(0.0)
+    for c in range(0, half, 2):  # two sums for latency
+        even = even + vload(matrix, o + c * 2 * half + v) * spread(x, start + c)
+        odd = odd + vload(matrix, o + (c + 1) * 2 * half + v) * spread(x, start + c + 1)
+    return even + odd
+
+
+__all__ = ["WIDTH", "apply", "chosen", "following", "near", "opposite", "preceding", "turned"]
