@@ -55,7 +55,7 @@ def _build_parser() -> argparse.ArgumentParser:
     def command(name, text):
         sub = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
         sub.add_argument("--design", metavar="FILE.toml", help="design file; left out: the reference design")
-        sub.add_argument("--mesh", default=str(DEFAULT_MESH), help="latitude x azimuth cells, such as 8x32")
+        sub.add_argument("--mesh", default=str(DEFAULT_MESH), help="latitudes x azimuths of the half band, such as 4x48")
         sub.add_argument("--json", action="store_true", help="print one JSON object")
         return sub
 

@@ -15,14 +15,13 @@ from numba import njit
 
 from spab_core.film import Film, film_size
 from spab_core.kernels import CENTRE, error_norm
-from spab_core.rotor import ROTOR_STATES
 from spab_core.rows import apply, following, opposite, preceding, turned
 from spab_core.simd import WIDTH, aligned_zeros, inner, kernel, splat, vload, vstore, vsum
 
 DTM_ORDER = 6
 _K = DTM_ORDER + 1
-# rows of the series, one for each order: gas S, pressure P, Q = P² - 1, its gradient across the band, H³ at the flux nodes and at
-# the faces around, flux across; then the same for the tangent
+# rows of the series, one for each order: gas S, pressure P, Q = P² - 1, its gradient across the band, H³ at the flux nodes and
+# at the faces around, flux across; then the same for the tangent
 _S, _P, _Q, _GRADIENT, _CUBE, _AROUND, _FLUX, _ROWS = 0, 1, 2, 3, 4, 5, 6, 7
 
 

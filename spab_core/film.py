@@ -14,6 +14,7 @@ readable formula; :mod:`spab_core.kernels` computes the same, fast.
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -34,13 +35,13 @@ class Mesh(NamedTuple):
         return f"{self.latitude}x{self.azimuth}"
 
 
-DEFAULT_MESH = Mesh(4, 40)
+DEFAULT_MESH = Mesh(4, 48)
 SCHEMES = ("fitted", "plain")
 MESH_LIMITS = ((2, 16), (8, 256))
 
 
 def parse_mesh(text: str) -> Mesh:
-    """Read "4x40". Raises :class:`DesignError` for anything but a whole number and an even one in range."""
+    """Read "4x48". Raises :class:`DesignError` for anything but a whole number and an even one in range."""
     (m_low, m_high), (n_low, n_high) = MESH_LIMITS
     parts = str(text).lower().split("x")
     if len(parts) == 2 and all(p.isascii() and p.isdigit() and len(p) < 6 for p in parts):
@@ -48,7 +49,7 @@ def parse_mesh(text: str) -> Mesh:
         if m_low <= mesh.latitude <= m_high and n_low <= mesh.azimuth <= n_high and mesh.azimuth % 2 == 0:
             return mesh
     raise DesignError(f"mesh = {str(text)[:40]!r} is not allowed: give latitudes x azimuths of the half band, such as "
-                      f"4x40, from {m_low}x{n_low} to {m_high}x{n_high}, the azimuths even")
+                      f"4x48, from {m_low}x{n_low} to {m_high}x{n_high}, the azimuths even")
 
 
 class Film(NamedTuple):
@@ -114,6 +115,7 @@ class Film(NamedTuple):
     area: np.ndarray
 
 
+@functools.cache
 def latitude_operators(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The staggered pair of polynomials on [0, 1], symmetric about 0.
 
@@ -138,13 +140,15 @@ def latitude_operators(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, 
     inner = legendre.Legendre.basis(2 * count).deriv().roots().real
     flux_node = np.append(np.sort(inner[inner > 1e-9]), 1.0)
     even, odd = (np.eye(2 * count)[:, first::2] for first in (0, 1))  # Legendre coefficients of the bases
-    slopes = (legendre.legder(basis) for basis in (even, odd))
-    even_slope, odd_slope = slopes
+    even_slope, odd_slope = legendre.legder(even), legendre.legder(odd)
     bubble = (1.0 - node[:, None]**2) * legendre.legval(node, even).T
     bubble_slope = ((1.0 - flux_node[:, None]**2) * legendre.legval(flux_node, even_slope).T
                     - 2.0 * flux_node[:, None] * legendre.legval(flux_node, even).T)
     gradient = bubble_slope @ np.linalg.inv(bubble)
     divergence = legendre.legval(node, odd_slope).T @ np.linalg.inv(legendre.legval(flux_node, odd).T)
+    divergence += np.eye(count)[-1] - weight @ divergence  # the integral is the flux at the edge to the last bit of rounding
+    for array in (node, weight, flux_node, gradient, divergence):
+        array.flags.writeable = False  # they are shared
     return node, weight, flux_node, gradient, divergence
 
 
@@ -232,8 +236,8 @@ def film_array(film: Film, state: np.ndarray) -> np.ndarray:
 
 def _geometry(film: Film) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """cos(latitude) at the nodes, and cosine and sine of the azimuth at the columns and at the faces east of them."""
-    around = [np.concatenate([a, -a]) for a in (film.cos, film.sin, film.cos_face, film.sin_face)]
-    return film.node[: film.latitudes], *around
+    cos, sin, cos_face, sin_face = (np.concatenate([a, -a]) for a in (film.cos, film.sin, film.cos_face, film.sin_face))
+    return film.node[: film.latitudes], cos, sin, cos_face, sin_face
 
 
 def _small(film: Film, matrix: np.ndarray) -> np.ndarray:

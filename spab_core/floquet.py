@@ -79,9 +79,16 @@ def mismatch(section: np.ndarray, period: int) -> float:
     return float(repeat_distances(section[len(section) - count - period:], period).max())
 
 
+def possible_periods(section: np.ndarray, limit: float) -> list[int]:
+    """Periods whose last section point repeats within ``limit``, over C: the only ones whose :func:`mismatch` can."""
+    before = section[-1 - MAX_PERIOD:-1, :4]
+    distance = np.abs(before - section[-1, :4]).max(axis=1)
+    return [int(period) for period in np.flatnonzero(distance[::-1] <= limit) + 1]
+
+
 def is_near(section: np.ndarray) -> bool:
     """Whether the section comes close to repeating after at most 16 revolutions."""
-    return any(mismatch(section, period) < NEAR for period in range(1, MAX_PERIOD + 1))
+    return any(mismatch(section, period) < NEAR for period in possible_periods(section, NEAR))
 
 
 def leading_rate(tangent: np.ndarray, growth: np.ndarray, period: int) -> float | None:
@@ -152,7 +159,7 @@ def find_settled(section: np.ndarray, tangent: np.ndarray, growth: np.ndarray,
     """
     before = dict(rates)
     rates.clear()
-    for period in range(1, MAX_PERIOD + 1):
+    for period in possible_periods(section, DISTANCE):
         gap = mismatch(section, period)
         if gap > DISTANCE:
             continue

@@ -1,9 +1,9 @@
 """Compiled kernels of the film and rotor equations: slope, tangent slope, curvature, and the linear solver of a step.
 
 Each computes a readable formula named in its docstring. ``system`` is (Film, RotorCoefficients); a state is the flat
-vector [S by rows of two opposite columns, padded (:class:`spab_core.film.Film`); 8 rotor states]. The integrator (:mod:`spab_core.integrate`) knows a
-system only through ``slope``, ``slope_tangent``, ``time_slope``, ``linearise``, ``solve``, ``prepare_curvature``,
-``add_curvature`` and ``error_norm``.
+vector [S by rows of two opposite columns, padded (:class:`spab_core.film.Film`); 8 rotor states]. The integrator
+(:mod:`spab_core.integrate`) knows a system only through ``slope``, ``slope_tangent``, ``time_slope``, ``linearise``,
+``solve``, ``prepare_curvature``, ``add_curvature`` and ``error_norm``.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ class Work(NamedTuple):
     ``y``, ``p``, ``q`` hold 1/H, P and Q - 1 at the point of linearisation, ``gq`` the gradient of Q across the band there and
     ``dq`` the derivative of Q along the tangent; ``tq``, ``tdq``, ``flux``, ``dflux`` are Q - 1, its derivative and the fluxes
     across the band of a stage. ``by_gas`` is dQ/dS, ``by_gap`` dQ per displacement towards the row's first column;
-    ``by_gas2``, ``by_gap2`` and ``push`` to ``bend_y`` belong to :func:`prepare_curvature`. ``lower``, ``upper`` are the couplings
-    of I - step J around, ``inverse``, ``fill``, ``separator`` the blocks of its elimination, ``border`` its two columns for the
-    journal's position and ``small`` the 2 x 2 remainder for the journal's velocity and other single numbers.
+    ``by_gas2``, ``by_gap2`` and ``push`` to ``bend_y`` belong to :func:`prepare_curvature`. ``lower``, ``upper`` are the
+    couplings of I - step J around, ``inverse``, ``fill``, ``separator`` the blocks of its elimination, ``border`` its two
+    columns for the journal's position and ``small`` the 2 x 2 remainder for the journal's velocity and other single numbers.
     """
 
     y: np.ndarray
@@ -51,7 +51,6 @@ class Work(NamedTuple):
     west: np.ndarray
     bend_x: np.ndarray
     bend_y: np.ndarray
-    diagonal: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
     inverse: np.ndarray

@@ -1,10 +1,11 @@
 """The linear system of a step, (I - g J) x = r, solved exactly.
 
-J is the Jacobian of :func:`spab_core.kernels.slope`. Its film part couples the latitudes of a column with each other (dense) and
-with the columns east and west (diagonal), periodically. A row of the state holds two opposite columns, so that the ring of N
-columns is two equal chains side by side, eliminated at once from both ends towards their middles, and the last row as
-their separator: its two columns lie between the chains. Then the journal as a border of two columns, then 2 x 2 for its velocity.
-No pivoting: the film part of I - g J is diagonally strong for the steps that occur (tests/unit/test_kernels.py tries g = 10).
+J is the Jacobian of :func:`spab_core.kernels.slope`. Its film part couples the latitudes of a column with each other
+(dense) and with the columns east and west (diagonal), periodically. A row of the state holds two opposite columns, so that
+the ring of N columns is two equal chains side by side, eliminated at once from both ends towards their middles, and the last
+row as their separator: its two columns lie between the chains. Then the journal as a border of two columns, then 2 x 2 for
+its velocity. No pivoting: the film part of I - g J is strong on its diagonal for the steps that occur
+(tests/unit/test_kernels.py tries g = 10).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from spab_core.simd import (
     HALF,
     WIDTH,
     block_times,
+    halves_times,
     inner,
     invert_blocks,
     invert_halves,
@@ -294,12 +296,9 @@ def _solve_film(film, work, r, o, half):
         east = turned(vload(r, o + opposite(v, half)), half)
         vstore(t, v, vload(r, last + v) - vload(lower, k) * vload(r, last - width + v) - vload(upper, k) * east)
     for v in range(0, width, WIDTH):
-        if half == HALF:
-            answer = block_times(work.separator, 0, vload(t, 0))
-        else:
-            answer = splat(0.0)
-            for c in range(width):
-                answer = answer + vload(work.separator, c * width + v) * spread(t, c)
+        answer = splat(0.0)
+        for c in range(width):
+            answer = answer + vload(work.separator, c * width + v) * spread(t, c)
         vstore(r, last + v, answer)
     for v in range(0, width, WIDTH):
         vstore(t, v, turned(vload(r, last + opposite(v, half)), half))
@@ -312,6 +311,50 @@ def _solve_film(film, work, r, o, half):
             if j >= first_second:
                 total = total - apply(fill, 2 * j * size, r, last, v, half)
             vstore(r, k, total)
+
+
+@inner
+def _solve_halves(film, work, r, o):
+    """:func:`_solve_film` for rows of one register, which stay there from row to row."""
+    chain, size = film.rows - 1, 2 * HALF * HALF
+    middle, end = chain // 2, chain - 1
+    last_first, first_second = int(work.small[14]), int(work.small[15])
+    d, fill, lower, upper = work.inverse, work.fill, work.lower, work.upper
+    left, right = vload(r, o), vload(r, o + end * WIDTH)
+    for j in range(middle):
+        other, k = end - j, (j + 1) * WIDTH
+        left = vload(r, o + k) - vload(lower, k) * halves_times(d, j * size, left)
+        vstore(r, o + k, left)
+        if other > middle:
+            k = (other - 1) * WIDTH
+            right = vload(r, o + k) - vload(upper, k) * halves_times(d, other * size, right)
+            vstore(r, o + k, right)
+    k = middle * WIDTH
+    left = halves_times(d, middle * size, vload(r, o + k))
+    vstore(r, o + k, left)
+    right = left
+    for step in range(1, middle + 1):
+        j, other = middle - step, middle + step
+        k = j * WIDTH
+        left = halves_times(d, j * size, vload(r, o + k) - vload(upper, k) * left)
+        vstore(r, o + k, left)
+        if other < chain:
+            k = other * WIDTH
+            right = halves_times(d, other * size, vload(r, o + k) - vload(lower, k) * right)
+            vstore(r, o + k, right)
+    k = chain * WIDTH
+    last = vload(r, o + k) - vload(lower, k) * right - vload(upper, k) * turned(left, HALF)
+    last = block_times(work.separator, 0, last)
+    vstore(r, o + k, last)
+    start = turned(last, HALF)
+    for j in range(chain):
+        k = o + j * WIDTH
+        total = vload(r, k)
+        if j <= last_first:
+            total = total - halves_times(fill, (2 * j + 1) * size, start)
+        if j >= first_second:
+            total = total - halves_times(fill, 2 * j * size, last)
+        vstore(r, k, total)
 
 
 @inner
@@ -356,7 +399,10 @@ def _linearise(system, step, u, work, half):
     _factorise(film, work, half)
     _film_per_displacement(film, work, x, y, half)
     for k in range(2):
-        _solve_film(film, work, work.border, k * n, half)
+        if half == HALF:
+            _solve_halves(film, work, work.border, k * n)
+        else:
+            _solve_film(film, work, work.border, k * n, half)
         work.small[10 + 2 * k], work.small[11 + 2 * k] = _force_of(film, work, work.border, k * n, half)
     pxx, pxy, pyy = vsum(fxx), vsum(fxy), vsum(fyy)
     gxx, gyx, gxy, gyy = work.small[10], work.small[11], work.small[12], work.small[13]
@@ -397,7 +443,7 @@ def solve(system, work, r):
     step, disc = small[9], small[8]
     k1, k2, m = rotor.coupling_disc, rotor.coupling_journal, rotor.inverse_mass
     if film.half == HALF:
-        _solve_film(film, work, r, 0, HALF)
+        _solve_halves(film, work, r, 0)
         fx, fy = _force_of(film, work, r, 0, HALF)
     else:
         _solve_film(film, work, r, 0, film.half)

@@ -42,7 +42,7 @@ def _check(design, row, settings):
 @pytest.mark.slow
 @pytest.mark.parametrize("row", TABLE, ids=lambda r: f"{r[0]}kg-L{r[1]}")
 def test_same_differences_give_the_independent_values(design, row):
-    _check(design, row, Settings(mesh=Mesh(8, 32), scheme="plain"))
+    _check(design, row, Settings(mesh=Mesh(4, 32), scheme="plain"))
 
 
 @pytest.mark.slow
@@ -54,9 +54,9 @@ def test_default_settings_give_the_independent_values(design, row):
 @pytest.mark.slow
 def test_half_speed_lock_is_the_limit_of_the_plain_scheme(design):
     """(4.52 kg, Lambda 3): quasi-periodic on coarse plain meshes only. Refined around, the plain scheme turns to period 2
-    and its exponent approaches that of the fitted scheme, which moves by less than 0.002 from 8x40 to 8x96."""
+    and its exponent approaches that of the fitted scheme, which moves by less than 0.002 from 4x40 to 4x96."""
     def solve(azimuth, scheme):
-        return solve_point(design, 4.52, 3.0, Settings(mesh=Mesh(8, azimuth), scheme=scheme, revolutions=150))
+        return solve_point(design, 4.52, 3.0, Settings(mesh=Mesh(4, azimuth), scheme=scheme, revolutions=150))
 
     plain = [solve(n, "plain") for n in (96, 160)]
     fitted = [solve(n, "fitted") for n in (40, 96)]
@@ -71,7 +71,7 @@ def test_half_speed_lock_is_the_limit_of_the_plain_scheme(design):
 def test_weak_damping_near_half_speed_converges_to_the_fitted_value(design):
     """(4.52 kg, Lambda 1.5): the plain scheme's -0.050 on coarse meshes goes to about -0.032, where the fitted one is."""
     def solve(azimuth, scheme):
-        return solve_point(design, 4.52, 1.5, Settings(mesh=Mesh(8, azimuth), scheme=scheme, revolutions=200)).mle.value
+        return solve_point(design, 4.52, 1.5, Settings(mesh=Mesh(4, azimuth), scheme=scheme, revolutions=200)).mle.value
 
     plain, fitted = solve(128, "plain"), solve(40, "fitted")
     assert plain == pytest.approx(fitted, abs=0.006)

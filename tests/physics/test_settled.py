@@ -15,7 +15,7 @@ from spab_core.integrate import REVOLUTION, Options, advance, build_memory, buil
 from spab_core.point import solve_point
 from spab_core.simulate import Settings
 
-TINY = Mesh(4, 16)
+TINY = Mesh(3, 16)
 
 
 @pytest.mark.slow

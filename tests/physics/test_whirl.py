@@ -11,7 +11,7 @@ from spab_core.rotor import build_rotor, contact_force
 from spab_core.stability import concentric_stiffness, linear_spectrum, static_equilibrium, whirl_thresholds
 from tests.conftest import Run, fed_design
 
-MESH = Mesh(6, 24)
+MESH = Mesh(3, 24)
 BEARING_NUMBER = 3.45
 RIGID = {"rotor__shaft_stiffness": math.inf, "rotor__unbalance_eccentricity": 0.0, "rotor__gravity": 0.0}
 

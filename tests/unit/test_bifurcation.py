@@ -16,7 +16,7 @@ from spab_core.bifurcation import (
 from spab_core.cli import main
 from spab_core.design import InputError
 
-SHORT = Settings(mesh="6x24", transient=40, revolutions=60)
+SHORT = Settings(mesh="3x24", transient=40, revolutions=60)
 LINE = np.array([5.0, 6.0, 7.0])
 
 
@@ -76,7 +76,7 @@ def test_chaotic_intervals_are_listed():
     assert chaotic_intervals(np.arange(2.0), regime[1:2].repeat(2)) == []
 
 
-COMMAND = ["bifurcation", "--vary", "bearing-number", "--at", "7", "--range", "5.9:6.1:2", "--mesh", "6x24", "--transient",
+COMMAND = ["bifurcation", "--vary", "bearing-number", "--at", "7", "--range", "5.9:6.1:2", "--mesh", "3x24", "--transient",
            "40", "--revolutions", "60", "--json"]
 
 

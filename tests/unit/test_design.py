@@ -121,7 +121,7 @@ def test_replace_refuses_unknown_names():
         reference_design().replace(bearing__width=1.0)
 
 
-@pytest.mark.parametrize("text", ["8", "8x", "x8", "8x32x2", "0x32", "8x7", "1000x1000", "-8x32", "", "８x32", "9" * 9])
+@pytest.mark.parametrize("text", ["8", "8x", "x8", "4x41", "8x32x2", "0x32", "8x7", "1000x1000", "-8x32", "", "８x32", "9" * 9])
 def test_wrong_meshes_are_refused(text):
     with pytest.raises(DesignError, match="mesh"):
         parse_mesh(text)

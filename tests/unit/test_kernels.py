@@ -41,7 +41,8 @@ class Case:
         return out_v
 
 
-@pytest.fixture(params=[((4, 40), "fitted"), ((3, 22), "plain"), ((8, 16), "fitted"), ((6, 24), "plain"), ((12, 10), "fitted"), ((2, 8), "fitted")],
+@pytest.fixture(params=[((4, 40), "fitted"), ((3, 22), "plain"), ((8, 16), "fitted"), ((6, 24), "plain"),
+                        ((12, 10), "fitted"), ((2, 8), "fitted")],
                 ids=lambda p: f"{p[0][0]}x{p[0][1]}-{p[1]}")
 def case(request, design):
     return Case(design, Mesh(*request.param[0]), request.param[1])

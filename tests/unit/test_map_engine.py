@@ -16,7 +16,7 @@ from spab_core.design import InputError
 from spab_core.map_engine import compute_map, open_run
 from spab_core.stability_map import FIELDS, MapError
 
-SHORT = Settings(mesh="6x24", transient=10, revolutions=30)
+SHORT = Settings(mesh="3x24", transient=10, revolutions=30)
 NUMBERS, MASSES = np.linspace(2.0, 4.0, 10), np.linspace(3.0, 9.0, 20)  # eight chunks
 
 

@@ -12,7 +12,7 @@ from spab_core.film import Mesh
 from spab_core.integrate import STATUS
 from spab_core.simulate import path_angle
 
-SHORT = Settings(mesh=Mesh(6, 24), transient=20, revolutions=40)
+SHORT = Settings(mesh=Mesh(3, 24), transient=20, revolutions=40)
 
 
 def test_touchdown_is_a_status(design):
@@ -28,7 +28,7 @@ def test_touchdown_is_a_status(design):
 
 def test_film_without_gas_is_a_status(design):
     """25 kg, Lambda 8.5 on 32 azimuths: behind the contact a cell loses all gas, and the step shrinks to nothing."""
-    point = solve_point(design, 25.0, 8.5, Settings(mesh=Mesh(8, 32), transient=40, revolutions=20))
+    point = solve_point(design, 25.0, 8.5, Settings(mesh=Mesh(4, 32), transient=40, revolutions=20))
     assert point.trajectory.status == "step-too-small"
     assert point.mle is None and "finer mesh" in point.verdict()
 
@@ -55,7 +55,7 @@ def test_paths_pass_through_the_section(design):
 
 def test_path_is_close_to_a_finely_resolved_one(design):
     coarse = solve_point(design, 4.0, 3.0, dataclasses.replace(SHORT, tolerance=2e-4), path_revolutions=3)
-    fine = solve_point(design, 4.0, 3.0, Settings(mesh=Mesh(6, 24), transient=20, revolutions=40, tolerance=1e-9),
+    fine = solve_point(design, 4.0, 3.0, Settings(mesh=Mesh(3, 24), transient=20, revolutions=40, tolerance=1e-9),
                        path_revolutions=3)
     assert np.abs(coarse.trajectory.path - fine.trajectory.path)[..., :4].max() < 2e-3
 
@@ -103,7 +103,7 @@ def test_points_out_of_range_are_refused(design, mass, bearing_number, word):
 
 
 def test_dtm_gives_the_same_answer(design):
-    settings = {"mesh": Mesh(4, 16), "transient": 40, "revolutions": 40}
+    settings = {"mesh": Mesh(3, 16), "transient": 40, "revolutions": 40}
     a = solve_point(design, 7.0, 6.0, Settings(**settings))
     b = solve_point(design, 7.0, 6.0, Settings(**settings, method="dtm"))
     assert a.regime == b.regime
