@@ -2,7 +2,7 @@
 
     python benchmarks/audit_map.py [--cells 200] [--workers 2]
 
-Nothing stops early: 600 + 600 revolutions each on 16x80. A step goes as the fourth root of the tolerance, so half the step
+Nothing stops early: 600 + 600 revolutions each on 8x96. A step goes as the fourth root of the tolerance, so half the step
 is a sixteenth of it. Finished cells are kept in build/audit (a second run goes on from them); the table goes to docs/audit.csv.
 """
 

@@ -54,18 +54,18 @@ def main():
     print(f"seconds a point, one core: {mean:.3f}; the paper's own machine: {PAPER_SECONDS[0]:.0f} to {PAPER_SECONDS[1]:.0f}")
 
     short = {}
-    for mesh in ("8x40", "8x80", "16x40", "8x160", "16x80"):
+    for mesh in ("4x48", "4x96", "8x48", "4x192", "8x96"):
         s = Settings(mesh=mesh, transient=40, revolutions=40, early_stop=False)
         points = []
         for _ in range(options.pairs):
             t = solve_point(design, 7.0, 6.0, s).trajectory
             points.append(t.wall_seconds / t.steps)
         short[mesh] = statistics.median(points)
-    base = short["8x40"]
+    base = short["4x48"]
     for mesh, seconds in short.items():
         m, n = map(int, mesh.split("x"))
-        grown = math.log(seconds / base) / math.log(m * n / 320) if mesh != "8x40" else float("nan")
-        print(f"mesh {mesh}: {1e6 * seconds:.1f} µs a step, {seconds / base:.2f} x, exponent in cells {grown:.2f}")
+        grown = math.log(seconds / base) / math.log(m * n / 192) if mesh != "4x48" else float("nan")
+        print(f"mesh {mesh}: {1e6 * seconds:.1f} µs a step, {seconds / base:.2f} x, exponent in nodes {grown:.2f}")
 
     number, mass = np.linspace(0.5, 8.5, 20), np.linspace(1.0, 25.0, 40)  # 32 chunks: the end, where one waits, is short
     compute_map(design, number[:2], mass[:2], settings, workers=2)  # starts the processes

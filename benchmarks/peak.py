@@ -4,7 +4,7 @@
 
 The peak is measured on the same core in the same run: sixteen independent chains of fused multiply-adds on registers of eight
 doubles, the widest arithmetic that spab_core uses. Useful operations are those of the formulas, counted by hand below,
-per cell of the film (an addition, multiplication or division is one each; sines and exponentials are left out).
+per node of the film (an addition, multiplication or division is one each; sines and exponentials are left out).
 """
 
 from __future__ import annotations
@@ -24,11 +24,16 @@ from spab_core.rotor import build_rotor
 from spab_core.simd import kernel, splat, vload, vstore
 
 ROUNDS, REPEAT, CHAINS = 15, 400, 16
-# one cell: P, Q and its share of the force 9 (gap 2, P 1, Q 1, excess 2, two sums 4 less 1); three faces of gap 2, cube 2,
-# difference, two products and a sum 6 each, so 3 x 8 for up, down, east with the west face reused 1, feed 3, Couette 3
-SLOPE = 9 + 3 * 8 + 1 + 3 + 3
-# the derivative along a direction: P and Q 7, force 5; a face: dH 2, two products and sums 7; feed 2, Couette 3
-TANGENT = SLOPE + 7 + 5 + 3 * 9 + 1 + 2 + 3
+LATITUDES = DEFAULT_MESH.latitude
+# one node: P, Q - 1 and its share of the force 11 (gap 2, P 1, Q 2, excess 2, two sums 4); gradient 2 M, gap, cube and
+# product 5; divergence 2 M + 1; the face east 7 and its two uses 2; feed 3, Couette 3
+SLOPE = 11 + (2 * LATITUDES + 5) + (2 * LATITUDES + 1) + 7 + 2 + 3 + 3
+# the derivative along a direction: P, Q and force 11; gradient 2 M and flux 5; divergence 2 M + 1; face 6 and 2; feed 2,
+# Couette 3
+TANGENT = SLOPE + 11 + (2 * LATITUDES + 5) + (2 * LATITUDES + 1) + 6 + 2 + 2 + 3
+# the curvature: formed once a step (a block of M columns at 20 a place, three more gradients, a divergence), applied at each
+# stage
+BEND, BENT = 75 + 28 * LATITUDES, 2 * LATITUDES + 13
 
 
 @kernel
@@ -76,14 +81,17 @@ def _steps(system, work, stages, series, u, v, repeat):
 
 
 def _elimination(film, work):
-    """Operations of the factorisation and of one solve: dense blocks of eight, as many as the state couples."""
-    n, m = film.columns, film.padded
-    coupled = work.small[14] + work.small[15] + work.small[16]
-    multiply, apply = 2 * m**3, 2 * m**2
-    border = 2 * (n * m * 35)
-    one = 2 * (n - 1) * apply + apply + coupled * apply + 4 * n * m
-    factor = n * (2 * m**3 + 3 * m**2 + 30 * m) + coupled * (2 * multiply + 4 * m**2)
-    return factor + border + 2 * (one + 7 * n * m), one + 11 * n * m
+    """Operations of the factorisation and of one solve: dense blocks of M, as many as the state couples."""
+    m, rows, nodes = film.latitudes, film.rows, film.columns * film.latitudes
+    chain = rows - 1
+    middle = chain // 2
+    reach = [int(work.small[14]), chain - 1 - int(work.small[15])]  # rows from either end that answer to the separator there
+    products = sum(2 * min(k, middle) + 1 + max(k - middle, 0) for k in reach)
+    invert, product, times = 2 * 2 * m**3, 2 * 2 * m**3, 2 * 2 * m**2  # for the two columns of a row
+    one = chain * (2 * times + 8 * m) + sum(k + 1 for k in reach) * times + 2 * (2 * m)**2
+    factor = chain * invert + (chain - 1) * 6 * m**2 + products * product + 2 * (2 * m)**3
+    assemble, border = nodes * (30 + 10 * m), nodes * (30 + 4 * m)
+    return assemble + factor + border + 2 * (one + 5 * nodes), one + 9 * nodes
 
 
 def main():
@@ -96,13 +104,13 @@ def main():
     a, b = np.zeros_like(u), np.zeros_like(u)
     linearise(system, 0.05, u, work)
     array = np.full(24, 0.5)
-    cells = film.columns * film.padded
+    nodes = film.columns * film.latitudes
     factor, one = _elimination(film, work)
-    film_part = 6 * TANGENT * cells + factor + 12 * one + 6 * 20 * cells + 60 * cells  # + curvature: applied and formed
+    film_part = (6 * TANGENT + BEND + 6 * BENT) * nodes + factor + 12 * one
     runs = {
         "peak": (_peak, (array, 100 * REPEAT), CHAINS * 16 * 100),
-        "slope": (_slopes, (system, u, work, a, REPEAT), SLOPE * cells),
-        "slope and its tangent": (_tangents, (system, u, v, work, a, b, REPEAT), TANGENT * cells),
+        "slope": (_slopes, (system, u, work, a, REPEAT), SLOPE * nodes),
+        "slope and its tangent": (_tangents, (system, u, v, work, a, b, REPEAT), TANGENT * nodes),
         "form and factorise": (_factorise, (system, u, work, REPEAT), factor),
         "solve": (_solves, (system, work, a, REPEAT), one),
         "whole step with tangent": (_steps, (system, work, memory.stages, memory.series, u, v, REPEAT), film_part),
