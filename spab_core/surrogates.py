@@ -26,7 +26,9 @@ from sklearn.svm import SVR
 from sklearn.tree import DecisionTreeRegressor
 
 from spab_core.design import InputError
+from spab_core.features import LinearTable, shipped_table, table_for
 from spab_core.stability_map import StabilityMap
+from spab_core.theory_models import TheoryBlend, TheoryTrees
 
 DIVISORS = (2, 3, 4, 5, 6, 7, 8)  # training sets of n/2 ... n/8 cells
 MIN_TRAINING = 8  # cells
@@ -75,13 +77,17 @@ class Model:
     group : str
         ``paper``, ``interpolation`` or ``better``.
     build : callable
-        Seed -> scikit-learn regressor on scaled inputs and target.
+        Seed -> scikit-learn regressor on scaled inputs and target; with ``theory``, seed and linear table of the design ->
+        regressor on bearing number, rotor mass and exponent as they are.
+    theory : bool
+        Whether it starts from linear theory.
     """
 
     name: str
     label: str
     group: str
-    build: Callable[[int], BaseEstimator]
+    build: Callable[..., BaseEstimator]
+    theory: bool = False
 
 
 MODELS = {model.name: model for model in (
@@ -100,6 +106,9 @@ MODELS = {model.name: model for model in (
     Model("boosting", "Gradient boosting", "better", lambda seed: HistGradientBoostingRegressor(
         max_iter=600, learning_rate=0.1, max_leaf_nodes=63, min_samples_leaf=5, random_state=seed)),
     Model("neighbours", "Four neighbours", "better", lambda seed: KNeighborsRegressor(n_neighbors=4, weights="distance")),
+    Model("theory-trees", "Trees on linear theory", "better", lambda seed, table: TheoryTrees(table, seed), theory=True),
+    Model("theory-blend", "Trees and splines on linear theory", "better", lambda seed, table: TheoryBlend(table, seed),
+          theory=True),
 )}
 
 
@@ -163,7 +172,18 @@ class Surrogate:
         return self.estimator.predict(np.column_stack([number.ravel(), mass.ravel()])).reshape(number.shape)
 
 
-def train(kind: Model, inputs: np.ndarray, mle: np.ndarray, seed: int = 0) -> Surrogate:
+def linear_table_of(m: StabilityMap) -> LinearTable:
+    """Linear stability of a map's design over at least its plane; computed, half a minute, unless it is the shipped one.
+
+    Raises
+    ------
+    InputError
+        Where the design has no static equilibrium anywhere in the plane.
+    """
+    return table_for(m.design, tuple((float(axis.min()), float(axis.max())) for axis in (m.bearing_number, m.rotor_mass)))
+
+
+def train(kind: Model, inputs: np.ndarray, mle: np.ndarray, seed: int = 0, table: LinearTable | None = None) -> Surrogate:
     """Train one model.
 
     Parameters
@@ -174,18 +194,23 @@ def train(kind: Model, inputs: np.ndarray, mle: np.ndarray, seed: int = 0) -> Su
     mle : ndarray, (n,)
         Per revolution, finite.
     seed : int
+    table : LinearTable
+        Of the design (:func:`linear_table_of`), for models that start from linear theory; left out: the reference design's.
 
     Returns
     -------
     Surrogate
     """
-    estimator = TransformedTargetRegressor(make_pipeline(MinMaxScaler(), kind.build(seed)), transformer=MinMaxScaler())
+    if kind.theory:
+        estimator = kind.build(seed, table or shipped_table())
+    else:
+        estimator = TransformedTargetRegressor(make_pipeline(MinMaxScaler(), kind.build(seed)), transformer=MinMaxScaler())
     began = time.perf_counter()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # told by ``converged``
         estimator.fit(inputs, mle)
     seconds = time.perf_counter() - began
-    inner = estimator.regressor_[-1]
+    inner = None if kind.theory else estimator.regressor_[-1]
     converged = inner.n_iter_ < inner.max_iter if isinstance(inner, MLPRegressor) else None
     return Surrogate(kind, estimator, seed, len(mle), seconds, converged)
 
@@ -244,7 +269,7 @@ def predict_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0) -> Pr
     """
     index, inputs, mle = solved_cells(m)
     chosen = training_mask(len(mle), divisor, seed)
-    surrogate = train(kind, inputs[chosen], mle[chosen], seed)
+    surrogate = train(kind, inputs[chosen], mle[chosen], seed, linear_table_of(m) if kind.theory else None)
     began = time.perf_counter()
     predicted = np.full(m.mle.size, np.nan)
     predicted[index] = surrogate.estimator.predict(inputs)
