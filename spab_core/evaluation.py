@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Iterable, Sequence
 
 import joblib
@@ -9,9 +11,11 @@ import numpy as np
 import pandas as pd
 from scipy.stats import ttest_rel
 
+from spab_core.classifier import predict_regimes, regimes_by_threshold
 from spab_core.regimes import REGIMES
 from spab_core.stability_map import StabilityMap
-from spab_core.surrogates import DIVISORS, MODELS, Model, PredictedMap, predict_map
+from spab_core.surrogates import DIVISORS, MODELS, Model, PredictedMap, linear_table_of, predict_map, solved_cells, split_cells
+from spab_core.uncertainty import calibrate, reliability
 
 SEEDS = tuple(range(10))
 METRICS = ("rmse", "mae")
@@ -43,30 +47,75 @@ def errors(m: StabilityMap, predicted: PredictedMap) -> dict[str, float]:
     return found
 
 
-def score(m: StabilityMap, kind: Model, divisor: int, seed: int) -> dict:
+def f1(truth: np.ndarray, predicted: np.ndarray) -> float:
+    """F1 score of a class, arrays of bool of one shape: harmonic mean of precision and recall; nan where the class is absent."""
+    both, either = np.count_nonzero(truth & predicted), np.count_nonzero(truth) + np.count_nonzero(predicted)
+    return 2.0 * both / either if either else math.nan
+
+
+def regime_scores(truth: np.ndarray, predicted: np.ndarray) -> dict[str, float]:
+    """``regime_accuracy`` and ``chaos_f1`` of predicted regimes, arrays of str (n,)."""
+    return {"regime_accuracy": float(np.mean(truth == predicted)), "chaos_f1": f1(truth == "chaotic", predicted == "chaotic")}
+
+
+def score(m: StabilityMap, kind: Model, divisor: int, seed: int, split: str = "random") -> dict:
     """Errors of one model trained on 1/divisor of a map.
 
     Returns
     -------
     dict
         ``model``, ``divisor``, ``seed``; ``rmse_all``, ``mae_all`` over all cells, training cells included (the paper's way);
-        ``rmse_held_out``, ``mae_held_out`` over the others; ``train_seconds``, ``predict_seconds``, ``converged``.
+        ``rmse_held_out``, ``mae_held_out`` over the others (of blocks: the withheld ones), ``regime_accuracy``, ``chaos_f1`` of
+        the regimes that its exponents say there by two thresholds; ``train_seconds``, ``predict_seconds``, ``converged``.
     """
-    predicted = predict_map(m, kind, divisor, seed)
+    predicted = predict_map(m, kind, divisor, seed, split)
     found = {"model": kind.name, "divisor": divisor, "seed": seed} | errors(m, predicted)
+    regimes = regimes_by_threshold(predicted.mle, m.mle[predicted.trained], m.regime[predicted.trained])
+    found |= regime_scores(m.regime[predicted.held_out], regimes[predicted.held_out])
     return found | {"train_seconds": predicted.surrogate.seconds, "predict_seconds": predicted.predict_seconds,
                     "converged": predicted.surrogate.converged}
 
 
+def score_uncertainty(m: StabilityMap, kind: Model, divisor: int, seed: int, split: str = "random") -> dict:
+    """Regimes and 90 % intervals from 1/divisor of a map, on held-out cells.
+
+    Returns
+    -------
+    dict
+        ``model``, ``divisor``, ``seed``; of the classifier ``regime_accuracy`` and ``chaos_f1``; of the intervals ``coverage``,
+        ``coverage_periodic``, ``coverage_quasi-periodic``, ``coverage_chaotic`` (by the regime that the solver found; nan where
+        there is none) and ``width``, the median; of the probability of instability ``calibration_error``; ``train_seconds``.
+    """
+    regimes = predict_regimes(m, divisor, seed, split)
+    index, inputs, mle = solved_cells(m)
+    truth = m.regime.ravel()[index]
+    chosen, tested = split_cells(m, divisor, seed, split)
+    began = time.perf_counter()
+    sure = calibrate(kind, inputs[chosen], mle[chosen], truth[chosen], seed, linear_table_of(m))
+    seconds = time.perf_counter() - began + regimes.train_seconds
+    low, high = sure.intervals(*inputs[tested].T)
+    inside, truth = (low <= mle[tested]) & (mle[tested] <= high), truth[tested]
+    found = {"model": kind.name, "divisor": divisor, "seed": seed}
+    found |= regime_scores(truth, regimes.regime.ravel()[index][tested]) | {"coverage": float(inside.mean())}
+    found |= {f"coverage_{r}": float(inside[truth == r].mean()) if (truth == r).any() else math.nan for r in REGIMES}
+    _, error = reliability(truth != "periodic", sure.unstable(*inputs[tested].T))
+    return found | {"width": float(np.median(high - low)), "calibration_error": error, "train_seconds": seconds}
+
+
 def evaluate(m: StabilityMap, models: Iterable[Model] = tuple(MODELS.values()), divisors: Sequence[int] = DIVISORS,
-             seeds: Sequence[int] = SEEDS, *, workers: int = 1, progress: Callable[[int], None] | None = None) -> pd.DataFrame:
-    """Scores of models x training fractions x seeds, one row each, as in :func:`score`.
+             seeds: Sequence[int] = SEEDS, *, split: str = "random", uncertainty: bool = False, workers: int = 1,
+             progress: Callable[[int], None] | None = None) -> pd.DataFrame:
+    """Scores of models x training fractions x seeds, one row each, as in :func:`score` or :func:`score_uncertainty`.
 
     Parameters
     ----------
     m : StabilityMap
     models : iterable of Model
     divisors, seeds : sequence of int
+    split : str
+        Of ``surrogates.SPLITS``.
+    uncertainty : bool
+        Whether regimes and intervals are scored instead of predictions.
     workers : int
         Processes.
     progress : callable
@@ -78,7 +127,7 @@ def evaluate(m: StabilityMap, models: Iterable[Model] = tuple(MODELS.values()), 
         Sorted by model, divisor and seed, whatever the number of workers.
     """
     kinds = list(models)
-    jobs = [(kind.name, divisor, seed) for kind in kinds for divisor in divisors for seed in seeds]
+    jobs = [(kind.name, divisor, seed, split, uncertainty) for kind in kinds for divisor in divisors for seed in seeds]
     rows = []
     run = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", pre_dispatch="2*n_jobs")
     for row in run(joblib.delayed(_score_by_name)(m, *job) for job in jobs):
@@ -90,8 +139,9 @@ def evaluate(m: StabilityMap, models: Iterable[Model] = tuple(MODELS.values()), 
     return pd.DataFrame(rows)
 
 
-def _score_by_name(m, name, divisor, seed):
-    return score(m, MODELS[name], divisor, seed)  # models hold functions, which do not travel to another process
+def _score_by_name(m, name, divisor, seed, split, uncertainty):
+    kind = MODELS[name]  # models hold functions, which do not travel to another process
+    return (score_uncertainty if uncertainty else score)(m, kind, divisor, seed, split)
 
 
 def table(scores: pd.DataFrame, metric: str) -> pd.DataFrame:

@@ -26,9 +26,10 @@ from spab_core.film import Mesh
 from spab_core.stability import linear_spectrum
 from spab_core.stability_map import npz_bytes
 
+Plane = tuple[tuple[float, float], tuple[float, float]]  # ends of the bearing number, of the rotor mass in kg
 MESH = Mesh(6, 24)  # rates within a few percent of those on the map's mesh, at a third of the time
 NODES = (64, 50)  # bearing numbers, rotor masses
-PLANE = ((0.05, 8.5), (0.1, 25.0))  # the map's, of the shipped table
+PLANE: Plane = ((0.05, 8.5), (0.1, 25.0))  # the map's, of the shipped table
 SHIPPED = "spab60_linear.npz"  # beside the reference design
 COLUMNS = ("rate", "frequency", "eccentricity")
 FEATURES = ("bearing number", "rotor mass", "M", "linear rate", "whirl frequency", "static eccentricity")
@@ -86,14 +87,14 @@ def _without_gaps(values: np.ndarray) -> np.ndarray:
     return values
 
 
-def linear_table(design: Design, plane: tuple[tuple[float, float], tuple[float, float]] = PLANE,
+def linear_table(design: Design, plane: Plane = PLANE,
                  nodes: tuple[int, int] = NODES, progress: Callable[[int], None] | None = None) -> LinearTable:
     """Tabulate linear stability; about half a minute for the usual number of nodes.
 
     Parameters
     ----------
     design : Design
-    plane : tuple
+    plane : Plane
         Smallest and largest bearing number, smallest and largest rotor mass in kg.
     nodes : tuple of int
         Bearing numbers and rotor masses of the table.
@@ -143,7 +144,7 @@ def shipped_table() -> LinearTable:
 
 
 @functools.lru_cache(maxsize=4)
-def table_for(design: Design, plane: tuple[tuple[float, float], tuple[float, float]] = PLANE) -> LinearTable:
+def table_for(design: Design, plane: Plane = PLANE) -> LinearTable:
     """The shipped table where it is of this design and covers the plane; else one computed now, kept in memory.
 
     A table covers at least :data:`PLANE`.
@@ -158,7 +159,8 @@ def table_for(design: Design, plane: tuple[tuple[float, float], tuple[float, flo
                   zip((shipped.bearing_number, shipped.rotor_mass), plane, strict=True))
     if design == shipped.design and covered:
         return shipped
-    return linear_table(design, tuple((min(a[0], b[0]), max(a[1], b[1])) for a, b in zip(plane, PLANE, strict=True)))
+    number, mass = ((min(a[0], b[0]), max(a[1], b[1])) for a, b in zip(plane, PLANE, strict=True))
+    return linear_table(design, (number, mass))
 
 
 class LinearFeatures(TransformerMixin, BaseEstimator):

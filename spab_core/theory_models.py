@@ -96,9 +96,9 @@ class TheoryTrees(RegressorMixin, BaseEstimator):
 class TheoryBlend(TheoryTrees):
     """The same trees blended with a local spline, each trusted where it did well on cells that it had not seen.
 
-    Both members are trained on four fifths of the training cells and tried on the fifth left, five times; at a point
-    each counts by the mean square of the other's errors over the 24 nearest training cells. The spline is linear in the distance,
-    through the 8 nearest cells.
+    Both members are trained on four fifths of the training cells and tried on the fifth left, five times; at a point each
+    counts by the mean square of the other's errors over the 24 nearest training cells. The spline is linear in the
+    distance, through the 8 nearest cells.
 
     Parameters
     ----------
