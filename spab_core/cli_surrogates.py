@@ -20,13 +20,10 @@ from spab_core.surrogates import (
     MODELS,
     SPLITS,
     Model,
-    linear_table_of,
     model,
     predict_map,
-    solved_cells,
-    training_mask,
 )
-from spab_core.uncertainty import CONFIDENCE, TooFewCells, calibrate
+from spab_core.uncertainty import CONFIDENCE, TooFewCells, uncertain_map
 
 UNCERTAIN = "theory-trees"  # whose intervals are evaluated unless others are asked for
 
@@ -164,16 +161,13 @@ def _predict(args) -> dict:
 
 def _certainty(m: StabilityMap, kind: Model, divisor: int, seed: int, number: float, mass: float) -> dict:
     """Regime, interval and probability of instability at a point, from the same training cells as the prediction."""
-    regimes = predict_regimes(m, divisor, seed)
     at = np.array([number]), np.array([mass])
-    found: dict = {"regime": str(regimes.classifier.predict(np.column_stack(at))[0]), "interval_90": None,
-                   "probability_unstable": None}
-    index, inputs, mle = solved_cells(m)
-    chosen = training_mask(len(mle), divisor, seed)
     try:
-        sure = calibrate(kind, inputs[chosen], mle[chosen], m.regime.ravel()[index][chosen], seed, linear_table_of(m))
+        found = uncertain_map(m, kind, divisor, seed)
     except TooFewCells as error:
         print(f"spab: no interval: {error}", file=sys.stderr)
-        return found
-    low, high = sure.intervals(*at)
-    return found | {"interval_90": [float(low[0]), float(high[0])], "probability_unstable": float(sure.unstable(*at)[0])}
+        classifier = predict_regimes(m, divisor, seed).classifier
+        return {"regime": str(classifier.predict(np.column_stack(at))[0]), "interval_90": None, "probability_unstable": None}
+    low, high = found.calibrated.intervals(*at)
+    return {"regime": str(found.regimes.classifier.predict(np.column_stack(at))[0]),
+            "interval_90": [float(low[0]), float(high[0])], "probability_unstable": float(found.calibrated.unstable(*at)[0])}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterable, Sequence
 
 import joblib
@@ -11,11 +10,11 @@ import numpy as np
 import pandas as pd
 from scipy.stats import ttest_rel
 
-from spab_core.classifier import predict_regimes, regimes_by_threshold
+from spab_core.classifier import regimes_by_threshold
 from spab_core.regimes import REGIMES
 from spab_core.stability_map import StabilityMap
-from spab_core.surrogates import DIVISORS, MODELS, Model, PredictedMap, linear_table_of, predict_map, solved_cells, split_cells
-from spab_core.uncertainty import calibrate, reliability
+from spab_core.surrogates import DIVISORS, MODELS, Model, PredictedMap, predict_map
+from spab_core.uncertainty import MapUncertainty, reliability, uncertain_map
 
 SEEDS = tuple(range(10))
 METRICS = ("rmse", "mae")
@@ -48,7 +47,7 @@ def errors(m: StabilityMap, predicted: PredictedMap) -> dict[str, float]:
 
 
 def f1(truth: np.ndarray, predicted: np.ndarray) -> float:
-    """F1 score of a class, arrays of bool of one shape: harmonic mean of precision and recall; nan where the class is absent."""
+    """F1 score of a class, arrays of bool of one shape: harmonic mean of precision and recall; nan without such a class."""
     both, either = np.count_nonzero(truth & predicted), np.count_nonzero(truth) + np.count_nonzero(predicted)
     return 2.0 * both / either if either else math.nan
 
@@ -76,30 +75,30 @@ def score(m: StabilityMap, kind: Model, divisor: int, seed: int, split: str = "r
                     "converged": predicted.surrogate.converged}
 
 
-def score_uncertainty(m: StabilityMap, kind: Model, divisor: int, seed: int, split: str = "random") -> dict:
-    """Regimes and 90 % intervals from 1/divisor of a map, on held-out cells.
+def uncertainty_scores(m: StabilityMap, found: MapUncertainty) -> dict[str, float]:
+    """How well regimes, intervals and probabilities hold on held-out cells.
 
     Returns
     -------
     dict
-        ``model``, ``divisor``, ``seed``; of the classifier ``regime_accuracy`` and ``chaos_f1``; of the intervals ``coverage``,
-        ``coverage_periodic``, ``coverage_quasi-periodic``, ``coverage_chaotic`` (by the regime that the solver found; nan where
-        there is none) and ``width``, the median; of the probability of instability ``calibration_error``; ``train_seconds``.
+        Of the classifier ``regime_accuracy`` and ``chaos_f1``; of the intervals ``coverage``, ``coverage_periodic``,
+        ``coverage_quasi-periodic``, ``coverage_chaotic`` (by the regime that the solver found; nan where there is none) and
+        ``width``, the median per revolution; of the probability of instability ``calibration_error``.
     """
-    regimes = predict_regimes(m, divisor, seed, split)
-    index, inputs, mle = solved_cells(m)
-    truth = m.regime.ravel()[index]
-    chosen, tested = split_cells(m, divisor, seed, split)
-    began = time.perf_counter()
-    sure = calibrate(kind, inputs[chosen], mle[chosen], truth[chosen], seed, linear_table_of(m))
-    seconds = time.perf_counter() - began + regimes.train_seconds
-    low, high = sure.intervals(*inputs[tested].T)
-    inside, truth = (low <= mle[tested]) & (mle[tested] <= high), truth[tested]
-    found = {"model": kind.name, "divisor": divisor, "seed": seed}
-    found |= regime_scores(truth, regimes.regime.ravel()[index][tested]) | {"coverage": float(inside.mean())}
-    found |= {f"coverage_{r}": float(inside[truth == r].mean()) if (truth == r).any() else math.nan for r in REGIMES}
-    _, error = reliability(truth != "periodic", sure.unstable(*inputs[tested].T))
-    return found | {"width": float(np.median(high - low)), "calibration_error": error, "train_seconds": seconds}
+    tested = found.regimes.held_out
+    truth = m.regime[tested]
+    inside = ((found.low <= m.mle) & (m.mle <= found.high))[tested]
+    scores = regime_scores(truth, found.regimes.regime[tested]) | {"coverage": float(inside.mean())}
+    scores |= {f"coverage_{r}": float(inside[truth == r].mean()) if (truth == r).any() else math.nan for r in REGIMES}
+    _, error = reliability(truth != "periodic", found.unstable[tested])
+    return scores | {"width": float(np.median((found.high - found.low)[tested])), "calibration_error": error}
+
+
+def score_uncertainty(m: StabilityMap, kind: Model, divisor: int, seed: int, split: str = "random") -> dict:
+    """:func:`uncertainty_scores` from 1/divisor of a map, with ``model``, ``divisor``, ``seed`` and ``train_seconds``."""
+    found = uncertain_map(m, kind, divisor, seed, split)
+    return ({"model": kind.name, "divisor": divisor, "seed": seed} | uncertainty_scores(m, found)
+            | {"train_seconds": found.seconds})
 
 
 def evaluate(m: StabilityMap, models: Iterable[Model] = tuple(MODELS.values()), divisors: Sequence[int] = DIVISORS,
@@ -197,7 +196,7 @@ def ranking(scores: pd.DataFrame, kind: str = "held_out") -> pd.DataFrame:
     found = pd.DataFrame({"rmse": tables["rmse"].loc["Average"], "mae": tables["mae"].loc["Average"],
                           "spread": tables["rmse"].loc["Standard deviation"]})
     for name in ("rmse", "mae", "spread"):
-        found[f"rank_{name}"] = found[name].rank(method="min").astype(int)
+        found[f"rank_{name}"] = found[name].rank(method="min", na_option="bottom").astype(int)  # one fraction has no spread
     found = found.sort_values("rmse")
     best = found.index[0]
     found["tied"] = [name != best and is_tie(scores, f"rmse_{kind}", best, name) for name in found.index]

@@ -9,6 +9,7 @@ training cells around a point differ. Cells drawn at random from the same plane 
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,11 +18,12 @@ from crepes import ConformalRegressor
 from crepes.extras import DifficultyEstimator
 from sklearn.isotonic import IsotonicRegression
 
-from spab_core.classifier import RegimeTrees
+from spab_core.classifier import PredictedRegimes, RegimeTrees, predict_regimes
 from spab_core.design import InputError
 from spab_core.features import LinearTable, shipped_table
 from spab_core.regimes import REGIMES
-from spab_core.surrogates import Model, Surrogate, train
+from spab_core.stability_map import StabilityMap
+from spab_core.surrogates import Model, Surrogate, linear_table_of, solved_cells, train
 
 CONFIDENCE = 0.9
 CALIBRATION = 0.25  # share of the training cells
@@ -116,6 +118,60 @@ def calibrate(kind: Model, inputs: np.ndarray, mle: np.ndarray, regime: np.ndarr
     unstable = IsotonicRegression(y_min=0.0, y_max=1.0, out_of_bounds="clip")
     unstable.fit(1.0 - probability[:, REGIMES.index("periodic")], regime[held] != "periodic")
     return Uncertainty(surrogate, classifier, count, difficulty, conformal, bins, unstable, scale)
+
+
+@dataclass(frozen=True)
+class MapUncertainty:
+    """Regimes, intervals and probabilities of a whole map from some of its own cells.
+
+    Attributes
+    ----------
+    regimes : PredictedRegimes
+        Of the classifier trained on all training cells.
+    calibrated : Uncertainty
+    low, high : ndarray, (B, M)
+        Bounds of the 90 % intervals, per revolution; nan where the map has no exponent.
+    unstable : ndarray, (B, M)
+        Probability that the motion is not periodic; nan likewise.
+    seconds : float
+        Of training both.
+    """
+
+    regimes: PredictedRegimes
+    calibrated: Uncertainty
+    low: np.ndarray
+    high: np.ndarray
+    unstable: np.ndarray
+    seconds: float
+
+
+def uncertain_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0, split: str = "random") -> MapUncertainty:
+    """Regimes, intervals and probabilities of a map from the training cells of ``surrogates.predict_map``.
+
+    Parameters
+    ----------
+    m : StabilityMap
+    kind : Model
+    divisor, seed, split
+        As in ``surrogates.predict_map``.
+
+    Raises
+    ------
+    TooFewCells
+    InputError
+        For a split that cannot be made.
+    """
+    regimes = predict_regimes(m, divisor, seed, split)
+    index, inputs, mle = solved_cells(m)
+    chosen = regimes.trained.ravel()[index]
+    began = time.perf_counter()
+    found = calibrate(kind, inputs[chosen], mle[chosen], m.regime.ravel()[index][chosen], seed, linear_table_of(m))
+    seconds = regimes.train_seconds + time.perf_counter() - began
+    values = np.full((3, m.mle.size), np.nan)
+    values[:2, index] = found.intervals(*inputs.T)
+    values[2, index] = found.unstable(*inputs.T)
+    low, high, unstable = values.reshape(3, *m.shape)
+    return MapUncertainty(regimes, found, low, high, unstable, seconds)
 
 
 def reliability(unstable: np.ndarray, probability: np.ndarray, bins: int = 10) -> tuple[pd.DataFrame, float]:
