@@ -32,9 +32,9 @@ def baseline(features: np.ndarray) -> np.ndarray:
 def credible(coordinates: np.ndarray, mle: np.ndarray, linear: np.ndarray) -> np.ndarray:
     """Which training cells do not contradict both linear theory and their neighbours.
 
-    A solver that stops before a strongly damped orbit has settled reports an exponent of the wrong size; one such cell among
-    the training cells spoils all around it. Only cells with a linear rate under -2 per revolution are judged, by the
-    median over their 24 nearest training cells of the relative departure from the linear rate.
+    A solver that measures a strongly damped orbit badly reports too slow a decay; one such cell among the training cells
+    spoils all around it. Only cells with a linear rate under -2 per revolution are judged, by the median over their 24
+    nearest training cells of the relative departure from the linear rate, and only those that decay more slowly.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def credible(coordinates: np.ndarray, mle: np.ndarray, linear: np.ndarray) -> np
     around = departure[near[:, 1:]]
     middle = np.median(around, axis=1)
     spread = np.median(np.abs(around - middle[:, None]), axis=1)
-    return (linear > _DAMPED) | (np.abs(departure - middle) <= np.maximum(5.0 * spread, _CONTRADICTION))
+    return (linear > _DAMPED) | (departure - middle <= np.maximum(5.0 * spread, _CONTRADICTION))
 
 
 class TheoryTrees(RegressorMixin, BaseEstimator):

@@ -20,10 +20,11 @@ from sklearn.isotonic import IsotonicRegression
 
 from spab_core.classifier import PredictedRegimes, RegimeTrees, predict_regimes
 from spab_core.design import InputError
-from spab_core.features import LinearTable, shipped_table
+from spab_core.features import LinearFeatures, LinearTable, shipped_table
 from spab_core.regimes import REGIMES
 from spab_core.stability_map import StabilityMap
 from spab_core.surrogates import Model, Surrogate, linear_table_of, solved_cells, train
+from spab_core.theory_models import baseline
 
 CONFIDENCE = 0.9
 CALIBRATION = 0.25  # share of the training cells
@@ -107,7 +108,8 @@ def calibrate(kind: Model, inputs: np.ndarray, mle: np.ndarray, regime: np.ndarr
     surrogate = train(kind, inputs[used], mle[used], seed, table)
     classifier = RegimeTrees(table, seed).fit(inputs[used], regime[used])
     scale = np.ptp(inputs, axis=0) + 1e-300
-    difficulty = DifficultyEstimator().fit(X=inputs[used] / scale, y=mle[used], k=min(_NEIGHBOURS, len(used)), scaler=False,
+    varies = mle - baseline(LinearFeatures(table).transform(inputs)) if kind.theory else mle  # what the model has to learn
+    difficulty = DifficultyEstimator().fit(X=inputs[used] / scale, y=varies[used], k=min(_NEIGHBOURS, len(used)), scaler=False,
                                            beta=0.01)
     probability = classifier.predict_proba(inputs[held])
     predicted = probability.argmax(axis=1)
