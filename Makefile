@@ -1,7 +1,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test lint lock map bifurcations audit manifest pictures results clean
+.PHONY: run test lint lock map bifurcations audit linear-table manifest pictures results clean
 
 run: .venv/.ready
 	$(BIN)/streamlit run app.py
@@ -37,6 +37,10 @@ audit: .venv/.ready
 # the pictures of docs/results.md, drawn in Chromium
 results: .venv/.ready
 	$(BIN)/python docs/draw_results.py
+
+# linear stability of the reference design over the plane, an input of surrogates: half a minute
+linear-table: .venv/.ready
+	$(BIN)/python -m spab_core.features
 
 # checksums of everything in artifacts/
 manifest: .venv/.ready

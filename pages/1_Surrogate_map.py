@@ -3,10 +3,11 @@
 import numpy as np
 import streamlit as st
 
-from spab_core.evaluation import error_by_regime, errors
-from spab_core.figures import surrogate_figure
+from spab_core.evaluation import error_by_regime, errors, uncertainty_scores
+from spab_core.figures import reliability_figure, surrogate_figure, uncertainty_figure
 from spab_core.surrogates import DIVISORS, MODELS
-from spab_core.ui.shared import errors_in_words, page_head, predicted_map, reference_map
+from spab_core.ui.shared import errors_in_words, page_head, predicted_map, reference_map, uncertain_reference_map
+from spab_core.uncertainty import reliability
 
 page_head("surrogate map")
 
@@ -51,3 +52,26 @@ st.dataframe(error_by_regime(m, predicted), width="content", column_config={
     "rmse": st.column_config.NumberColumn("RMSE per revolution", format="%.4f"),
     "mae": st.column_config.NumberColumn("MAE per revolution", format="%.4f"),
     "share": st.column_config.NumberColumn("share of squared error", format="percent")})
+
+if st.toggle("How sure is it? Regimes, intervals and probability of instability (trains for some seconds more)", key="sure"):
+    with errors_in_words():
+        sure = uncertain_reference_map(name, divisor, int(seed))
+    scores, tested = uncertainty_scores(m, sure), sure.regimes.held_out
+    bins, _ = reliability(m.regime[tested] != "periodic", sure.unstable[tested])
+    cells = st.columns(5)
+    cells[0].metric("Regime accuracy", f"{scores['regime_accuracy']:.1%}",
+                    help="Held-out cells; a classifier of its own, trained on the same cells, whatever the model above")
+    cells[1].metric("F1 of chaos", f"{scores['chaos_f1']:.3f}", help="Likewise")
+    cells[2].metric("Coverage of 90 % intervals", f"{scores['coverage']:.1%}",
+                    help="Share of held-out cells inside; " + ", ".join(
+                        f"{r} {scores[f'coverage_{r}']:.1%}" for r in ("periodic", "quasi-periodic", "chaotic")))
+    cells[3].metric("Median width", f"{scores['width']:.3f}", help="Of the intervals, per revolution")
+    cells[4].metric("Calibration error", f"{scores['calibration_error']:.4f}",
+                    help="Of the probability of instability: mean gap between the share told and found, ten bins")
+    st.plotly_chart(uncertainty_figure(m, sure), key="sure_maps", width="stretch")
+    left, right = st.columns([3, 2], gap="medium")
+    left.plotly_chart(reliability_figure(bins), key="reliability", width="stretch")
+    right.dataframe(bins, hide_index=True, column_config={
+        k: st.column_config.NumberColumn(k, format="%.2f") for k in ("low", "high", "predicted", "observed")})
+    st.caption("Intervals: split conformal, calibrated on a quarter of the training cells, for each predicted regime apart. "
+               "Unstable: the exponent is not negative, the motion not periodic.")

@@ -8,12 +8,12 @@ from spab_core.artifacts import load_reference_scores
 from spab_core.evaluation import PAPER_RMSE, ranking, spread, suggestion, table
 from spab_core.figures import fraction_figure
 from spab_core.surrogates import DIVISORS, MODELS
-from spab_core.ui.shared import errors_in_words, page_head, reference_map
+from spab_core.ui.shared import block_scores, errors_in_words, page_head, reference_map
 
 page_head("model ranking")
 
 with errors_in_words():
-    m, scores = reference_map(), load_reference_scores()
+    m, scores, blocks = reference_map(), load_reference_scores(), block_scores()
 
 st.markdown("#### Which model predicts the map best?")
 best_first = ranking(scores)
@@ -50,6 +50,18 @@ unfinished = scores[scores["converged"].eq(False)]
 if len(unfinished):
     total = int((scores["model"] == "mlp").sum())
     st.caption(f"The MLP stopped at its limit of 500 epochs in {len(unfinished)} of {total} trainings.")
+
+st.markdown("##### Whole rectangles withheld: held-out RMSE per revolution")
+if blocks is None:
+    st.caption("No scores on withheld rectangles are shipped: `spab evaluate --split blocks` computes them.")
+else:
+    same = scores[scores["divisor"].isin(blocks["divisor"])]
+    rows = {title: table(s, "rmse_held_out").loc["Average"] for title, s in (("cells at random", same), ("rectangles", blocks))}
+    beside = pd.DataFrame(rows).T.rename(columns=lambda k: MODELS[k].label)
+    st.dataframe(beside.style.format("{:.3f}", na_rep=""), width="stretch")
+    which = ", ".join(f"n/{k}" for k in sorted(blocks["divisor"].unique()))
+    st.caption(f"Averages over {which}. A quarter of 10 × 10 rectangles of the plane holds no training cell, errors are "
+               "measured there: what interpolation knows does not reach inside.")
 
 st.markdown("##### Beside the paper: RMSE over the whole map, divided by the map's standard deviation")
 deviation = float(np.nanstd(m.mle))

@@ -19,7 +19,11 @@ stability       Static equilibrium, stiffness, linear whirl threshold
 stability_map   A plane of operating points -> StabilityMap; save, load, check
 map_engine      Computes maps: chunks, resume, processes or a Dask cluster
 bifurcation     A line of operating points, swept cold, up and down -> Bifurcation
+features        What linear theory knows of a point of the plane -> LinearTable, tabulated and interpolated
+theory_models   Regressors that start from linear theory
 surrogates      Models that predict a map from some of its cells: the paper's, interpolation, better ones
+classifier      Regimes from the labels of some cells, or from predicted exponents
+uncertainty     Conformal intervals, probability of instability and its reliability
 evaluation      How well they do: the paper's metrics, tables and ranking
 artifacts       What is shipped, with checksums
 figures         Plotly figures from results

@@ -6,14 +6,26 @@ import io
 import json
 import sys
 
+import numpy as np
 from tqdm import tqdm
 
 from spab_core.artifacts import load_reference_map
+from spab_core.classifier import predict_regimes
 from spab_core.design import InputError, check_number, check_output, write_atomically
 from spab_core.evaluation import SEEDS, errors, evaluate, ranking, suggestion, table
 from spab_core.simulate import check_point
 from spab_core.stability_map import StabilityMap, load_map, npz_bytes
-from spab_core.surrogates import DIVISORS, MODELS, model, predict_map
+from spab_core.surrogates import (
+    DIVISORS,
+    MODELS,
+    SPLITS,
+    Model,
+    model,
+    predict_map,
+)
+from spab_core.uncertainty import CONFIDENCE, TooFewCells, uncertain_map
+
+UNCERTAIN = "theory-trees"  # whose intervals are evaluated unless others are asked for
 
 
 def add_commands(commands, number, whole) -> None:
@@ -25,7 +37,11 @@ def add_commands(commands, number, whole) -> None:
         return sub
 
     sub = command("evaluate", "errors of surrogate models trained on fractions of a map, by the paper's protocol")
-    sub.add_argument("--models", default=",".join(MODELS), help="names, separated by commas")
+    sub.add_argument("--models", help=f"names, separated by commas; left out: all, with --uncertainty {UNCERTAIN}")
+    sub.add_argument("--split", default="random", help="random: training cells drawn from the whole plane; blocks: whole "
+                                                       "rectangles of the plane withheld, errors measured there")
+    sub.add_argument("--uncertainty", action="store_true", help="regime classifier, 90 %% intervals and probability of "
+                                                                "instability instead of errors")
     sub.add_argument("--divisors", default=",".join(map(str, DIVISORS)), help="training sets of n/2, n/3, ...: 2,3,...")
     sub.add_argument("--seeds", type=whole, default=len(SEEDS), help="how many draws of the training cells")
     sub.add_argument("--workers", type=whole, default=1, help="processes")
@@ -59,7 +75,10 @@ def _whole_numbers(text: str, name: str, low: int, high: int) -> list[int]:
 
 
 def _evaluate(args) -> dict:
-    kinds = [model(name.strip()) for name in args.models.split(",")]
+    names = args.models or (UNCERTAIN if args.uncertainty else ",".join(MODELS))
+    kinds = [model(name.strip()) for name in names.split(",")]
+    if args.split not in SPLITS:
+        raise InputError(f"--split = {args.split[:40]!r} is not allowed: choose {', '.join(SPLITS)}")
     divisors = _whole_numbers(args.divisors, "--divisors", 2, 100_000)
     check_number("--seeds", args.seeds, 1, 1000)
     check_number("--workers", args.workers, 1, 1024)
@@ -67,18 +86,29 @@ def _evaluate(args) -> dict:
         check_output(args.out, "--out")
     m = _load(args)
     with tqdm(total=len(kinds) * len(divisors) * args.seeds, unit="training", smoothing=0.05) as bar:
-        scores = evaluate(m, kinds, divisors, range(args.seeds), workers=args.workers, progress=bar.update)
+        scores = evaluate(m, kinds, divisors, range(args.seeds), split=args.split, uncertainty=args.uncertainty,
+                          workers=args.workers, progress=bar.update)
     if args.out is not None:
         text = io.StringIO()
         scores.to_csv(text, index=False)
         write_atomically(args.out, text.getvalue().encode())
-    ranked = ranking(scores)
+    answer = {"split": args.split, "scores": json.loads(scores.to_json(orient="records", double_precision=15))}
+    where = "held-out cells" if args.split == "random" else "withheld rectangles"
+    if args.uncertainty:
+        if not args.json:
+            print(f"Means over draws, {where}; width: median of the {CONFIDENCE:.0%} intervals, per revolution")
+            means = scores.drop(columns="seed").groupby(["model", "divisor"], sort=False).mean()
+            print(means.T.to_string(float_format="{:.4f}".format))
+        return answer
+    answer["suggestion"] = suggestion(ranking(scores))
     if not args.json:
-        for metric in ("rmse", "mae"):
-            print(f"{metric.upper()} per revolution, held-out cells")
-            print(table(scores, f"{metric}_held_out").to_string(float_format="{:.4f}".format))
-        print(suggestion(ranked))
-    return {"scores": json.loads(scores.to_json(orient="records", double_precision=15)), "suggestion": suggestion(ranked)}
+        for title, column in (("RMSE per revolution", "rmse_held_out"), ("MAE per revolution", "mae_held_out"),
+                             ("Regime accuracy by thresholds of the predicted exponent", "regime_accuracy"),
+                             ("F1 of chaos, likewise", "chaos_f1")):
+            print(f"{title}, {where}")
+            print(table(scores, column).to_string(float_format="{:.4f}".format))
+        print(answer["suggestion"])
+    return answer
 
 
 def _predict(args) -> dict:
@@ -112,7 +142,13 @@ def _predict(args) -> dict:
         text.append(f"held-out RMSE {answer['rmse_held_out']:.4f}, MAE {answer['mae_held_out']:.4f} per revolution")
     if point[0] is not None:
         answer["mle_per_revolution"] = float(predicted.surrogate.predict(*point))
+        answer |= _certainty(m, kind, args.divisor, args.seed, *point)
         text.insert(0, f"MLE {answer['mle_per_revolution']:+.4f} per revolution, predicted")
+        text.insert(1, f"{answer['regime']}, by the classifier")
+        if answer["interval_90"]:
+            low, high = answer["interval_90"]
+            text.insert(1, f"{CONFIDENCE:.0%} interval {low:+.4f} to {high:+.4f}")
+            text.insert(3, f"probability of instability (not periodic) {answer['probability_unstable']:.3f}")
     if args.out is not None:
         arrays = {"bearing_number": m.bearing_number, "rotor_mass": m.rotor_mass}
         write_atomically(args.out, npz_bytes(arrays | {"mle": predicted.mle, "trained": predicted.trained}))
@@ -121,3 +157,17 @@ def _predict(args) -> dict:
     if not args.json:
         print("; ".join(text))
     return answer
+
+
+def _certainty(m: StabilityMap, kind: Model, divisor: int, seed: int, number: float, mass: float) -> dict:
+    """Regime, interval and probability of instability at a point, from the same training cells as the prediction."""
+    at = np.array([number]), np.array([mass])
+    try:
+        found = uncertain_map(m, kind, divisor, seed)
+    except TooFewCells as error:
+        print(f"spab: no interval: {error}", file=sys.stderr)
+        classifier = predict_regimes(m, divisor, seed).classifier
+        return {"regime": str(classifier.predict(np.column_stack(at))[0]), "interval_90": None, "probability_unstable": None}
+    low, high = found.calibrated.intervals(*at)
+    return {"regime": str(found.regimes.classifier.predict(np.column_stack(at))[0]),
+            "interval_90": [float(low[0]), float(high[0])], "probability_unstable": float(found.calibrated.unstable(*at)[0])}

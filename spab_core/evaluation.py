@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 
 import joblib
@@ -9,9 +10,11 @@ import numpy as np
 import pandas as pd
 from scipy.stats import ttest_rel
 
+from spab_core.classifier import regimes_by_threshold
 from spab_core.regimes import REGIMES
 from spab_core.stability_map import StabilityMap
 from spab_core.surrogates import DIVISORS, MODELS, Model, PredictedMap, predict_map
+from spab_core.uncertainty import MapUncertainty, reliability, uncertain_map
 
 SEEDS = tuple(range(10))
 METRICS = ("rmse", "mae")
@@ -43,30 +46,75 @@ def errors(m: StabilityMap, predicted: PredictedMap) -> dict[str, float]:
     return found
 
 
-def score(m: StabilityMap, kind: Model, divisor: int, seed: int) -> dict:
+def f1(truth: np.ndarray, predicted: np.ndarray) -> float:
+    """F1 score of a class, arrays of bool of one shape: harmonic mean of precision and recall; nan without such a class."""
+    both, either = np.count_nonzero(truth & predicted), np.count_nonzero(truth) + np.count_nonzero(predicted)
+    return 2.0 * both / either if either else math.nan
+
+
+def regime_scores(truth: np.ndarray, predicted: np.ndarray) -> dict[str, float]:
+    """``regime_accuracy`` and ``chaos_f1`` of predicted regimes, arrays of str (n,)."""
+    return {"regime_accuracy": float(np.mean(truth == predicted)), "chaos_f1": f1(truth == "chaotic", predicted == "chaotic")}
+
+
+def score(m: StabilityMap, kind: Model, divisor: int, seed: int, split: str = "random") -> dict:
     """Errors of one model trained on 1/divisor of a map.
 
     Returns
     -------
     dict
         ``model``, ``divisor``, ``seed``; ``rmse_all``, ``mae_all`` over all cells, training cells included (the paper's way);
-        ``rmse_held_out``, ``mae_held_out`` over the others; ``train_seconds``, ``predict_seconds``, ``converged``.
+        ``rmse_held_out``, ``mae_held_out`` over the others (of blocks: the withheld ones), ``regime_accuracy``, ``chaos_f1`` of
+        the regimes that its exponents say there by two thresholds; ``train_seconds``, ``predict_seconds``, ``converged``.
     """
-    predicted = predict_map(m, kind, divisor, seed)
+    predicted = predict_map(m, kind, divisor, seed, split)
     found = {"model": kind.name, "divisor": divisor, "seed": seed} | errors(m, predicted)
+    regimes = regimes_by_threshold(predicted.mle, m.mle[predicted.trained], m.regime[predicted.trained])
+    found |= regime_scores(m.regime[predicted.held_out], regimes[predicted.held_out])
     return found | {"train_seconds": predicted.surrogate.seconds, "predict_seconds": predicted.predict_seconds,
                     "converged": predicted.surrogate.converged}
 
 
+def uncertainty_scores(m: StabilityMap, found: MapUncertainty) -> dict[str, float]:
+    """How well regimes, intervals and probabilities hold on held-out cells.
+
+    Returns
+    -------
+    dict
+        Of the classifier ``regime_accuracy`` and ``chaos_f1``; of the intervals ``coverage``, ``coverage_periodic``,
+        ``coverage_quasi-periodic``, ``coverage_chaotic`` (by the regime that the solver found; nan where there is none) and
+        ``width``, the median per revolution; of the probability of instability ``calibration_error``.
+    """
+    tested = found.regimes.held_out
+    truth = m.regime[tested]
+    inside = ((found.low <= m.mle) & (m.mle <= found.high))[tested]
+    scores = regime_scores(truth, found.regimes.regime[tested]) | {"coverage": float(inside.mean())}
+    scores |= {f"coverage_{r}": float(inside[truth == r].mean()) if (truth == r).any() else math.nan for r in REGIMES}
+    _, error = reliability(truth != "periodic", found.unstable[tested])
+    return scores | {"width": float(np.median((found.high - found.low)[tested])), "calibration_error": error}
+
+
+def score_uncertainty(m: StabilityMap, kind: Model, divisor: int, seed: int, split: str = "random") -> dict:
+    """:func:`uncertainty_scores` from 1/divisor of a map, with ``model``, ``divisor``, ``seed`` and ``train_seconds``."""
+    found = uncertain_map(m, kind, divisor, seed, split)
+    return ({"model": kind.name, "divisor": divisor, "seed": seed} | uncertainty_scores(m, found)
+            | {"train_seconds": found.seconds})
+
+
 def evaluate(m: StabilityMap, models: Iterable[Model] = tuple(MODELS.values()), divisors: Sequence[int] = DIVISORS,
-             seeds: Sequence[int] = SEEDS, *, workers: int = 1, progress: Callable[[int], None] | None = None) -> pd.DataFrame:
-    """Scores of models x training fractions x seeds, one row each, as in :func:`score`.
+             seeds: Sequence[int] = SEEDS, *, split: str = "random", uncertainty: bool = False, workers: int = 1,
+             progress: Callable[[int], None] | None = None) -> pd.DataFrame:
+    """Scores of models x training fractions x seeds, one row each, as in :func:`score` or :func:`score_uncertainty`.
 
     Parameters
     ----------
     m : StabilityMap
     models : iterable of Model
     divisors, seeds : sequence of int
+    split : str
+        Of ``surrogates.SPLITS``.
+    uncertainty : bool
+        Whether regimes and intervals are scored instead of predictions.
     workers : int
         Processes.
     progress : callable
@@ -78,7 +126,7 @@ def evaluate(m: StabilityMap, models: Iterable[Model] = tuple(MODELS.values()), 
         Sorted by model, divisor and seed, whatever the number of workers.
     """
     kinds = list(models)
-    jobs = [(kind.name, divisor, seed) for kind in kinds for divisor in divisors for seed in seeds]
+    jobs = [(kind.name, divisor, seed, split, uncertainty) for kind in kinds for divisor in divisors for seed in seeds]
     rows = []
     run = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", pre_dispatch="2*n_jobs")
     for row in run(joblib.delayed(_score_by_name)(m, *job) for job in jobs):
@@ -90,8 +138,9 @@ def evaluate(m: StabilityMap, models: Iterable[Model] = tuple(MODELS.values()), 
     return pd.DataFrame(rows)
 
 
-def _score_by_name(m, name, divisor, seed):
-    return score(m, MODELS[name], divisor, seed)  # models hold functions, which do not travel to another process
+def _score_by_name(m, name, divisor, seed, split, uncertainty):
+    kind = MODELS[name]  # models hold functions, which do not travel to another process
+    return (score_uncertainty if uncertainty else score)(m, kind, divisor, seed, split)
 
 
 def table(scores: pd.DataFrame, metric: str) -> pd.DataFrame:
@@ -147,7 +196,7 @@ def ranking(scores: pd.DataFrame, kind: str = "held_out") -> pd.DataFrame:
     found = pd.DataFrame({"rmse": tables["rmse"].loc["Average"], "mae": tables["mae"].loc["Average"],
                           "spread": tables["rmse"].loc["Standard deviation"]})
     for name in ("rmse", "mae", "spread"):
-        found[f"rank_{name}"] = found[name].rank(method="min").astype(int)
+        found[f"rank_{name}"] = found[name].rank(method="min", na_option="bottom").astype(int)  # one fraction has no spread
     found = found.sort_values("rmse")
     best = found.index[0]
     found["tied"] = [name != best and is_tie(scores, f"rmse_{kind}", best, name) for name in found.index]

@@ -12,6 +12,7 @@ from spab_core.point import OperatingPoint
 from spab_core.regimes import Regime
 from spab_core.stability_map import StabilityMap
 from spab_core.surrogates import MODELS, PredictedMap
+from spab_core.uncertainty import MapUncertainty
 
 LAYERS = ("MLE", "Regime", "Contact share")
 JOURNAL, DISC, SECTION, NEUTRAL = "#0072B2", "#E69F00", "#D55E00", "#808080"
@@ -232,7 +233,37 @@ def surrogate_figure(m: StabilityMap, predicted: PredictedMap) -> go.Figure:
     return figure.update_layout(height=430, margin={"l": 60, "r": 10, "t": 40, "b": 50}, dragmode="zoom")
 
 
-_MODEL_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#808080", "#56B4E9", "#CC79A7", "#a08000", "#6050c0", "#30a0a0")
+def uncertainty_figure(m: StabilityMap, found: MapUncertainty) -> go.Figure:
+    """Width of the 90 % intervals and probability of instability over the plane, side by side."""
+    width = found.high - found.low
+    top = max(float(np.nanquantile(width, 0.9)), 1e-3)  # the strongly damped corner is tens of times wider
+    figure = make_subplots(rows=1, cols=2, shared_yaxes=True, horizontal_spacing=0.14,
+                           subplot_titles=("Width of the 90 % interval", "Probability of instability (not periodic)"))
+    for k, (z, scale, highest, x, title) in enumerate(((width, "Cividis", top, 0.435, "per revolution"),
+                                                       (found.unstable, "RdBu_r", 1.0, 1.01, "probability")), start=1):
+        figure.add_heatmap(x=m.bearing_number, y=m.rotor_mass, z=z.T.astype(np.float32), colorscale=scale, zmin=0.0,
+                           zmax=highest, colorbar={"title": title, "thickness": 12, "x": x, "title_side": "right"},
+                           hovertemplate="Λ %{x:.3f}, %{y:.2f} kg: %{z:.3f}<extra></extra>", row=1, col=k)
+        figure.update_xaxes(title=BEARING_NUMBER_LABEL, showgrid=False, row=1, col=k)
+    figure.update_yaxes(showgrid=False)
+    figure.update_yaxes(title=MASS_LABEL, row=1, col=1)
+    return figure.update_layout(height=400, margin={"l": 60, "r": 10, "t": 40, "b": 50}, dragmode="zoom")
+
+
+def reliability_figure(bins: pd.DataFrame) -> go.Figure:
+    """Observed share of unstable cells over the probability told, from ``uncertainty.reliability``."""
+    figure = go.Figure()
+    figure.add_scatter(x=[0, 1], y=[0, 1], mode="lines", name="perfect", line={"color": NEUTRAL, "dash": "dash", "width": 1})
+    figure.add_scatter(x=bins["predicted"], y=bins["observed"], mode="lines+markers", name="held-out cells",
+                       line={"color": JOURNAL}, customdata=bins["cells"],
+                       hovertemplate="told %{x:.2f}, found %{y:.2f}, %{customdata:,} cells<extra></extra>")
+    return figure.update_layout(xaxis={"title": "probability of instability told", "range": [-0.02, 1.02]},
+                                yaxis={"title": "share found unstable", "range": [-0.02, 1.02]}, height=340,
+                                margin={"l": 60, "r": 10, "t": 20, "b": 50}, legend={"x": 0.02, "y": 0.98})
+
+
+_MODEL_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#808080", "#56B4E9", "#CC79A7", "#a08000", "#6050c0", "#30a0a0",
+                  "#000000", "#c03050")
 
 
 def fraction_figure(means: pd.DataFrame, deviations: pd.DataFrame, label: str) -> go.Figure:

@@ -26,10 +26,15 @@ from sklearn.svm import SVR
 from sklearn.tree import DecisionTreeRegressor
 
 from spab_core.design import InputError
+from spab_core.features import LinearTable, shipped_table, table_for
 from spab_core.stability_map import StabilityMap
+from spab_core.theory_models import TheoryBlend, TheoryTrees
 
 DIVISORS = (2, 3, 4, 5, 6, 7, 8)  # training sets of n/2 ... n/8 cells
 MIN_TRAINING = 8  # cells
+SPLITS = ("random", "blocks")
+BLOCKS = 10  # rectangles along each axis of the plane
+WITHHELD = 0.25  # of the rectangles
 
 
 class Interpolation(RegressorMixin, BaseEstimator):
@@ -75,13 +80,17 @@ class Model:
     group : str
         ``paper``, ``interpolation`` or ``better``.
     build : callable
-        Seed -> scikit-learn regressor on scaled inputs and target.
+        Seed -> scikit-learn regressor on scaled inputs and target; with ``theory``, seed and linear table of the design ->
+        regressor on bearing number, rotor mass and exponent as they are.
+    theory : bool
+        Whether it starts from linear theory.
     """
 
     name: str
     label: str
     group: str
-    build: Callable[[int], BaseEstimator]
+    build: Callable[..., BaseEstimator]
+    theory: bool = False
 
 
 MODELS = {model.name: model for model in (
@@ -100,6 +109,9 @@ MODELS = {model.name: model for model in (
     Model("boosting", "Gradient boosting", "better", lambda seed: HistGradientBoostingRegressor(
         max_iter=600, learning_rate=0.1, max_leaf_nodes=63, min_samples_leaf=5, random_state=seed)),
     Model("neighbours", "Four neighbours", "better", lambda seed: KNeighborsRegressor(n_neighbors=4, weights="distance")),
+    Model("theory-trees", "Trees on linear theory", "better", lambda seed, table: TheoryTrees(table, seed), theory=True),
+    Model("theory-blend", "Trees and splines on linear theory", "better", lambda seed, table: TheoryBlend(table, seed),
+          theory=True),
 )}
 
 
@@ -133,6 +145,57 @@ def training_mask(count: int, divisor: int, seed: int) -> np.ndarray:
     return mask
 
 
+def block_split(m: StabilityMap, divisor: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """A harder split: a quarter of 10 x 10 rectangles of the plane is withheld whole, training cells are drawn outside them.
+
+    Parameters
+    ----------
+    m : StabilityMap
+    divisor : int
+        As many training cells as in :func:`training_mask`: 1/divisor of all solved ones.
+    seed : int
+
+    Returns
+    -------
+    chosen, withheld : ndarray of bool, (solved cells,)
+        Training cells, and the cells of the withheld rectangles.
+
+    Raises
+    ------
+    InputError
+        Where too few cells are left outside.
+    """
+    index, _, _ = solved_cells(m)
+    count = len(index)
+    rows, columns = np.unravel_index(index, m.shape)
+    block = rows * BLOCKS // m.shape[0] * BLOCKS + columns * BLOCKS // m.shape[1]
+    random = np.random.default_rng(seed)
+    withheld = np.isin(block, random.permutation(BLOCKS**2)[:round(WITHHELD * BLOCKS**2)])
+    outside = np.flatnonzero(~withheld)
+    if not 1 <= divisor <= max(count // MIN_TRAINING, 1) or not MIN_TRAINING <= count // divisor <= len(outside):
+        raise InputError(f"training fraction 1/{divisor} of {count} cells is out of range: at least {MIN_TRAINING} cells, and "
+                         f"at most the {len(outside)} outside the withheld rectangles can be trained on")
+    chosen = np.zeros(count, bool)
+    chosen[random.permutation(outside)[:count // divisor]] = True
+    return chosen, withheld
+
+
+def split_cells(m: StabilityMap, divisor: int, seed: int, split: str = "random") -> tuple[np.ndarray, np.ndarray]:
+    """Training cells and the cells that errors are measured on, among the solved ones, by a split of :data:`SPLITS`.
+
+    Raises
+    ------
+    InputError
+        For too few cells or another split.
+    """
+    if split == "blocks":
+        return block_split(m, divisor, seed)
+    if split != "random":
+        raise InputError(f"split = {str(split)[:40]!r} is not allowed: choose {', '.join(SPLITS)}")
+    chosen = training_mask(int(np.isfinite(m.mle).sum()), divisor, seed)
+    return chosen, ~chosen
+
+
 @dataclass(frozen=True)
 class Surrogate:
     """A trained model.
@@ -163,7 +226,19 @@ class Surrogate:
         return self.estimator.predict(np.column_stack([number.ravel(), mass.ravel()])).reshape(number.shape)
 
 
-def train(kind: Model, inputs: np.ndarray, mle: np.ndarray, seed: int = 0) -> Surrogate:
+def linear_table_of(m: StabilityMap) -> LinearTable:
+    """Linear stability of a map's design over at least its plane; computed, half a minute, unless it is the shipped one.
+
+    Raises
+    ------
+    InputError
+        Where the design has no static equilibrium anywhere in the plane.
+    """
+    number, mass = m.bearing_number, m.rotor_mass
+    return table_for(m.design, ((float(number.min()), float(number.max())), (float(mass.min()), float(mass.max()))))
+
+
+def train(kind: Model, inputs: np.ndarray, mle: np.ndarray, seed: int = 0, table: LinearTable | None = None) -> Surrogate:
     """Train one model.
 
     Parameters
@@ -174,18 +249,23 @@ def train(kind: Model, inputs: np.ndarray, mle: np.ndarray, seed: int = 0) -> Su
     mle : ndarray, (n,)
         Per revolution, finite.
     seed : int
+    table : LinearTable
+        Of the design (:func:`linear_table_of`), for models that start from linear theory; left out: the reference design's.
 
     Returns
     -------
     Surrogate
     """
-    estimator = TransformedTargetRegressor(make_pipeline(MinMaxScaler(), kind.build(seed)), transformer=MinMaxScaler())
+    if kind.theory:
+        estimator = kind.build(seed, table or shipped_table())
+    else:
+        estimator = TransformedTargetRegressor(make_pipeline(MinMaxScaler(), kind.build(seed)), transformer=MinMaxScaler())
     began = time.perf_counter()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # told by ``converged``
         estimator.fit(inputs, mle)
     seconds = time.perf_counter() - began
-    inner = estimator.regressor_[-1]
+    inner = None if kind.theory else estimator.regressor_[-1]
     converged = inner.n_iter_ < inner.max_iter if isinstance(inner, MLPRegressor) else None
     return Surrogate(kind, estimator, seed, len(mle), seconds, converged)
 
@@ -205,6 +285,8 @@ class PredictedMap:
     surrogate : Surrogate
     predict_seconds : float
         For the whole map.
+    withheld : ndarray of bool, (B, M), or None
+        The cells of withheld rectangles; None where the training cells were drawn from the whole plane.
     """
 
     model: Model
@@ -214,14 +296,16 @@ class PredictedMap:
     trained: np.ndarray
     surrogate: Surrogate
     predict_seconds: float
+    withheld: np.ndarray | None = None
 
     @property
     def held_out(self) -> np.ndarray:
-        """The cells that have an exponent and were not trained on, (B, M) of bool."""
-        return np.isfinite(self.mle) & ~self.trained
+        """The cells that errors are measured on, (B, M) of bool: those with an exponent that were not trained on; of blocks,
+        only the withheld ones."""
+        return np.isfinite(self.mle) & (~self.trained if self.withheld is None else self.withheld)
 
 
-def predict_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0) -> PredictedMap:
+def predict_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0, split: str = "random") -> PredictedMap:
     """Train on 1/divisor of a map's cells and predict all of them.
 
     Parameters
@@ -232,6 +316,8 @@ def predict_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0) -> Pr
         The paper's: 2 to 8.
     seed : int
         Of the choice of cells and of the model.
+    split : str
+        Of :data:`SPLITS`.
 
     Returns
     -------
@@ -243,12 +329,14 @@ def predict_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0) -> Pr
         For too few cells.
     """
     index, inputs, mle = solved_cells(m)
-    chosen = training_mask(len(mle), divisor, seed)
-    surrogate = train(kind, inputs[chosen], mle[chosen], seed)
+    chosen, tested = split_cells(m, divisor, seed, split)
+    surrogate = train(kind, inputs[chosen], mle[chosen], seed, linear_table_of(m) if kind.theory else None)
     began = time.perf_counter()
     predicted = np.full(m.mle.size, np.nan)
     predicted[index] = surrogate.estimator.predict(inputs)
     seconds = time.perf_counter() - began
-    trained = np.zeros(m.mle.size, bool)
+    trained, withheld = np.zeros((2, m.mle.size), bool)
     trained[index[chosen]] = True
-    return PredictedMap(kind, divisor, seed, predicted.reshape(m.shape), trained.reshape(m.shape), surrogate, seconds)
+    withheld[index[tested]] = True
+    return PredictedMap(kind, divisor, seed, predicted.reshape(m.shape), trained.reshape(m.shape), surrogate, seconds,
+                        withheld.reshape(m.shape) if split == "blocks" else None)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import pandas as pd
 import plotly.graph_objects as go
 import streamlit as st
 
-from spab_core.artifacts import ARTIFACTS, REFERENCE_MAP, load_reference_map
+from spab_core.artifacts import ARTIFACTS, REFERENCE_MAP, ArtifactError, checked_path, load_reference_map
 from spab_core.design import Design, InputError
 from spab_core.figures import map_figure, mark_cell, mark_point
 from spab_core.integrate import is_compiled
@@ -16,7 +17,9 @@ from spab_core.point import OperatingPoint, solve_point
 from spab_core.simulate import Settings
 from spab_core.stability_map import StabilityMap
 from spab_core.surrogates import PredictedMap, model, predict_map
+from spab_core.uncertainty import MapUncertainty, uncertain_map
 
+BLOCK_SCORES = "surrogate_scores_blocks.csv"
 LIVE = Settings(transient=200, revolutions=200)
 LIVE_PATHS = 30
 
@@ -90,3 +93,24 @@ def predicted_map(name: str, divisor: int, seed: int) -> PredictedMap:
     """The reference map predicted from 1/divisor of its cells, now or out of the last forty. Raises ``InputError``."""
     with st.spinner(f"Training: {model(name).label} on n/{divisor} of the cells …"):
         return _predict(_stamp(), name, divisor, seed)
+
+
+@st.cache_resource(max_entries=16, show_spinner=False)
+def _uncertain(stamp: float, name: str, divisor: int, seed: int) -> MapUncertainty:
+    return uncertain_map(_map(stamp), model(name), divisor, seed)
+
+
+def uncertain_reference_map(name: str, divisor: int, seed: int) -> MapUncertainty:
+    """Regimes, intervals and probabilities of the reference map, now or out of the last sixteen. Raises ``InputError``."""
+    with st.spinner(f"Calibrating: {model(name).label} on three quarters of n/{divisor}, and the regime classifier …"):
+        return _uncertain(_stamp(), name, divisor, seed)
+
+
+def block_scores() -> pd.DataFrame | None:
+    """The shipped scores on withheld rectangles (``spab evaluate --split blocks``); None where none are shipped."""
+    if not (ARTIFACTS / BLOCK_SCORES).exists():
+        return None
+    try:
+        return pd.read_csv(checked_path(BLOCK_SCORES, ARTIFACTS))
+    except ValueError as error:
+        raise ArtifactError(f"cannot read {BLOCK_SCORES}: {error}") from None

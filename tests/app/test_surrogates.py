@@ -80,6 +80,48 @@ def test_first_view_of_the_surrogate_map(small):
     assert lives.drop(index="at a border")["share"].sum() == pytest.approx(1.0)
 
 
+def test_how_sure_it_is(small):
+    at = open_page("Surrogate_map")
+    at.button_group(key="divisor").select(2).run()
+    at.toggle(key="sure").set_value(True).run()
+    assert not at.exception and not at.error
+    found = {metric.label: metric.value for metric in at.metric}
+    assert 60.0 < float(found["Coverage of 90 % intervals"].rstrip("%")) <= 100.0  # a few dozen cells to calibrate with
+    assert 60.0 < float(found["Regime accuracy"].rstrip("%")) <= 100.0
+    assert len([t for t in figure(at, 1)["data"] if t["type"] == "heatmap"]) == 2
+    assert figure(at, 2)["data"][1]["name"] == "held-out cells"
+    bins, m = at.dataframe[1].value, load_map(small / REFERENCE_MAP)
+    solved = int(np.isfinite(m.mle).sum())
+    assert bins["cells"].sum() == solved - solved // 2
+
+
+def test_intervals_from_too_few_cells_are_refused_in_words(small):
+    at = open_page("Surrogate_map")
+    at.toggle(key="sure").set_value(True).run()  # n/8 of this small map
+    assert not at.exception and "too few for intervals" in at.error[0].value
+
+
+def test_scores_on_withheld_rectangles_stand_beside_the_others(small):
+    at = open_page("Model_ranking")
+    assert not at.exception and any("spab evaluate --split blocks" in c.value for c in at.caption)
+    scores = evaluate(load_map(small / REFERENCE_MAP), [MODELS[k] for k in ("tree", "linear")], (2,), (0, 1), split="blocks")
+    path = small / shared.BLOCK_SCORES
+    try:
+        scores.to_csv(path, index=False)
+        write_manifest(small)
+        at = open_page("Model_ranking")
+        assert not at.exception and not at.error
+        beside = at.dataframe[2].value
+        assert list(beside.index) == ["cells at random", "rectangles"]
+        assert beside["Decision tree"]["rectangles"] == pytest.approx(scores[scores.model == "tree"]["rmse_held_out"].mean())
+        path.write_text("changed")
+        at = open_page("Model_ranking")
+        assert not at.exception and shared.BLOCK_SCORES in at.error[0].value
+    finally:
+        path.unlink()
+        write_manifest(small)
+
+
 def test_model_ranking(small):
     at = open_page("Model_ranking")
     assert not at.exception and at.success[0].value.startswith("Best by RMSE")

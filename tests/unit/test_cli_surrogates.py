@@ -44,7 +44,41 @@ def test_predict_a_point_and_the_whole_map(capsys, tmp_path, map_file):
     assert "outside the map" in capsys.readouterr().err
 
 
+def test_predict_says_how_sure_it_is(capsys, tmp_path, map_file):
+    argv = ["predict", "--model", "theory-trees", "--bearing-number", "4.1", "--rotor-mass", "11"]
+    assert main([*argv, "--map", map_file, "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    low, high = answer["interval_90"]
+    assert low < high and high - low < 2.0 and low - 0.5 < answer["mle_per_revolution"] < high + 0.5
+    assert answer["regime"] == "chaotic" and 0.5 < answer["probability_unstable"] <= 1.0  # the exponent is 0.27 there
+    assert main([*argv, "--map", map_file]) == 0
+    text = capsys.readouterr().out
+    assert "90% interval" in text and "chaotic, by the classifier" in text and "instability" in text
+    small = tmp_path / "small.npz"
+    save_map(map_of(lambda number, mass: 0.2 * number - 0.05 * mass, 8, 8), small)
+    assert main([*argv, "--map", str(small), "--json"]) == 0  # 32 training cells: no interval, and said
+    found = capsys.readouterr()
+    assert "too few" in found.err and json.loads(found.out)["interval_90"] is None
+
+
+def test_evaluate_regimes_and_intervals_and_blocks(capsys, tmp_path, map_file):
+    out = tmp_path / "u.csv"
+    argv = ["evaluate", "--map", map_file, "--divisors", "2", "--seeds", "2"]
+    assert main([*argv, "--uncertainty", "--models", "tree", "--out", str(out), "--json"]) == 0
+    scores = json.loads(capsys.readouterr().out)["scores"]
+    assert len(scores) == 2 and scores[0]["coverage_quasi-periodic"] is None  # this map has none
+    assert all(0.5 < s["coverage"] <= 1.0 and 0.8 < s["regime_accuracy"] <= 1.0 for s in scores)
+    with out.open() as file:
+        assert float(next(csv.DictReader(file))["coverage"]) == pytest.approx(scores[0]["coverage"])
+    assert main([*argv, "--models", "nearest,tree", "--split", "blocks"]) == 0  # one fraction: no spread to rank by
+    text = capsys.readouterr().out
+    assert "RMSE per revolution, withheld rectangles" in text and "F1 of chaos" in text and "Best by RMSE" in text
+
+
 @pytest.mark.parametrize("argv, words", [
+    (["evaluate", "--split", "diagonal"], ["--split", "diagonal", "random, blocks"]),
+    (["evaluate", "--split", "blocks", "--divisors", "64"], ["1/64", "at least 8 cells"]),
+    (["evaluate", "--uncertainty", "--divisors", "8"], ["31 training cells", "at least 80"]),
     (["evaluate", "--models", "oracle"], ["model", "oracle", "forest"]),
     (["evaluate", "--divisors", "2,x"], ["--divisors", "2,x", "whole numbers"]),
     (["evaluate", "--divisors", "1"], ["--divisors", "1", "from 2"]),

@@ -1,0 +1,206 @@
+"""How sure a surrogate is: conformal intervals of the exponent and a calibrated probability that a point is unstable.
+
+Unstable means that the exponent is not negative: the motion is not periodic, but quasi-periodic or chaotic.
+
+A quarter of the training cells is not trained on: how wrong the model is there sets the width of the intervals (split
+conformal prediction, the library crepes), for each predicted regime apart (Mondrian) and in proportion to how much the
+training cells around a point differ. Cells drawn at random from the same plane are then covered nine times in ten.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from crepes import ConformalRegressor
+from crepes.extras import DifficultyEstimator
+from sklearn.isotonic import IsotonicRegression
+
+from spab_core.classifier import PredictedRegimes, RegimeTrees, predict_regimes
+from spab_core.design import InputError
+from spab_core.features import LinearFeatures, LinearTable, shipped_table
+from spab_core.regimes import REGIMES
+from spab_core.stability_map import StabilityMap
+from spab_core.surrogates import Model, Surrogate, linear_table_of, solved_cells, train
+from spab_core.theory_models import baseline
+
+CONFIDENCE = 0.9
+CALIBRATION = 0.25  # share of the training cells
+MIN_CALIBRATION = 20  # cells: fewer give no interval at this confidence for a regime of its own
+_NEIGHBOURS = 12
+
+
+class TooFewCells(InputError):
+    """Training cells that leave too few to calibrate with."""
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """What :func:`calibrate` learnt.
+
+    Attributes
+    ----------
+    surrogate : Surrogate
+        Trained on three quarters of the training cells: the intervals are its.
+    classifier : RegimeTrees
+        Trained on the same cells.
+    calibration_cells : int
+    """
+
+    surrogate: Surrogate
+    classifier: RegimeTrees
+    calibration_cells: int
+    _difficulty: DifficultyEstimator
+    _conformal: ConformalRegressor
+    _bins: np.ndarray
+    _unstable: IsotonicRegression
+    _scale: np.ndarray
+
+    def intervals(self, bearing_number: np.ndarray, rotor_mass: np.ndarray,
+                  confidence: float = CONFIDENCE) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper bounds of the exponent per revolution, at points given by arrays (n,), rotor mass in kg."""
+        inputs = np.column_stack([bearing_number, rotor_mass]).astype(float)
+        bins = self._bins[self.classifier.predict_proba(inputs).argmax(axis=1)]
+        sigmas = self._difficulty.apply(inputs / self._scale)
+        found = self._conformal.predict_int(self.surrogate.predict(*inputs.T), sigmas=sigmas, bins=bins, confidence=confidence)
+        return found[:, 0], found[:, 1]
+
+    def unstable(self, bearing_number: np.ndarray, rotor_mass: np.ndarray) -> np.ndarray:
+        """Probability (n,) that a point is not periodic, at points given by arrays (n,), rotor mass in kg."""
+        inputs = np.column_stack([bearing_number, rotor_mass]).astype(float)
+        return self._unstable.predict(1.0 - self.classifier.predict_proba(inputs)[:, REGIMES.index("periodic")])
+
+
+def calibrate(kind: Model, inputs: np.ndarray, mle: np.ndarray, regime: np.ndarray, seed: int = 0,
+              table: LinearTable | None = None) -> Uncertainty:
+    """Train on three quarters of the cells and calibrate on the others.
+
+    Parameters
+    ----------
+    kind : Model
+    inputs : ndarray, (n, 2)
+        Training cells: bearing number and rotor mass in kg.
+    mle : ndarray, (n,)
+        Per revolution, finite.
+    regime : ndarray of str, (n,)
+    seed : int
+        Of the split and of the models.
+    table : LinearTable
+        Of the design; left out: the reference design's.
+
+    Returns
+    -------
+    Uncertainty
+
+    Raises
+    ------
+    TooFewCells
+    """
+    table = table or shipped_table()
+    count = int(CALIBRATION * len(mle))
+    if count < MIN_CALIBRATION:
+        raise TooFewCells(f"{len(mle)} training cells are too few for intervals: at least "
+                          f"{int(MIN_CALIBRATION / CALIBRATION)} are needed")
+    order = np.random.default_rng([seed, 1]).permutation(len(mle))  # not the draw of the training cells again
+    held, used = order[:count], order[count:]
+    surrogate = train(kind, inputs[used], mle[used], seed, table)
+    classifier = RegimeTrees(table, seed).fit(inputs[used], regime[used])
+    scale = np.ptp(inputs, axis=0) + 1e-300
+    varies = mle - baseline(LinearFeatures(table).transform(inputs)) if kind.theory else mle  # what the model has to learn
+    difficulty = DifficultyEstimator().fit(X=inputs[used] / scale, y=varies[used], k=min(_NEIGHBOURS, len(used)), scaler=False,
+                                           beta=0.01)
+    probability = classifier.predict_proba(inputs[held])
+    predicted = probability.argmax(axis=1)
+    enough = np.bincount(predicted, minlength=len(REGIMES)).min() >= MIN_CALIBRATION
+    bins = np.arange(len(REGIMES)) if enough else np.zeros(len(REGIMES), int)  # too few of one regime: all share one width
+    conformal = ConformalRegressor().fit(mle[held] - surrogate.predict(*inputs[held].T), bins=bins[predicted],
+                                         sigmas=difficulty.apply(inputs[held] / scale))
+    unstable = IsotonicRegression(y_min=0.0, y_max=1.0, out_of_bounds="clip")
+    unstable.fit(1.0 - probability[:, REGIMES.index("periodic")], regime[held] != "periodic")
+    return Uncertainty(surrogate, classifier, count, difficulty, conformal, bins, unstable, scale)
+
+
+@dataclass(frozen=True)
+class MapUncertainty:
+    """Regimes, intervals and probabilities of a whole map from some of its own cells.
+
+    Attributes
+    ----------
+    regimes : PredictedRegimes
+        Of the classifier trained on all training cells.
+    calibrated : Uncertainty
+    low, high : ndarray, (B, M)
+        Bounds of the 90 % intervals, per revolution; nan where the map has no exponent.
+    unstable : ndarray, (B, M)
+        Probability that the motion is not periodic; nan likewise.
+    seconds : float
+        Of training both.
+    """
+
+    regimes: PredictedRegimes
+    calibrated: Uncertainty
+    low: np.ndarray
+    high: np.ndarray
+    unstable: np.ndarray
+    seconds: float
+
+
+def uncertain_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0, split: str = "random") -> MapUncertainty:
+    """Regimes, intervals and probabilities of a map from the training cells of ``surrogates.predict_map``.
+
+    Parameters
+    ----------
+    m : StabilityMap
+    kind : Model
+    divisor, seed, split
+        As in ``surrogates.predict_map``.
+
+    Raises
+    ------
+    TooFewCells
+    InputError
+        For a split that cannot be made.
+    """
+    regimes = predict_regimes(m, divisor, seed, split)
+    index, inputs, mle = solved_cells(m)
+    chosen = regimes.trained.ravel()[index]
+    began = time.perf_counter()
+    found = calibrate(kind, inputs[chosen], mle[chosen], m.regime.ravel()[index][chosen], seed, linear_table_of(m))
+    seconds = regimes.train_seconds + time.perf_counter() - began
+    values = np.full((3, m.mle.size), np.nan)
+    values[:2, index] = found.intervals(*inputs.T)
+    values[2, index] = found.unstable(*inputs.T)
+    low, high, unstable = values.reshape(3, *m.shape)
+    return MapUncertainty(regimes, found, low, high, unstable, seconds)
+
+
+def reliability(unstable: np.ndarray, probability: np.ndarray, bins: int = 10) -> tuple[pd.DataFrame, float]:
+    """How often points are unstable that are said to be so with a given probability.
+
+    Parameters
+    ----------
+    unstable : ndarray of bool, (n,)
+    probability : ndarray, (n,)
+    bins : int
+        Of equal width over [0, 1].
+
+    Returns
+    -------
+    DataFrame
+        A row for each bin that is not empty: ``low``, ``high``, ``cells``, ``predicted`` (mean probability) and ``observed``
+        (share of unstable points).
+    float
+        Expected calibration error: mean over the cells of the difference of the two.
+    """
+    which = np.minimum((np.asarray(probability) * bins).astype(int), bins - 1)
+    rows = []
+    for k in range(bins):
+        chosen = which == k
+        if chosen.any():
+            rows.append({"low": k / bins, "high": (k + 1) / bins, "cells": int(chosen.sum()),
+                         "predicted": float(probability[chosen].mean()), "observed": float(unstable[chosen].mean())})
+    found = pd.DataFrame(rows, columns=["low", "high", "cells", "predicted", "observed"])
+    error = float((found["cells"] * (found["predicted"] - found["observed"]).abs()).sum() / max(found["cells"].sum(), 1))
+    return found, error

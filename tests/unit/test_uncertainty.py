@@ -1,0 +1,130 @@
+"""Regimes, intervals and probabilities on maps whose borders and noise are known."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from spab_core.classifier import predict_regimes, regimes_by_threshold
+from spab_core.evaluation import evaluate, f1, uncertainty_scores
+from spab_core.surrogates import model, predict_map
+from spab_core.uncertainty import TooFewCells, reliability, uncertain_map
+from tests.unit.test_surrogates import map_of, with_hole
+
+
+def striped_map(rows=40, columns=50, noise=0.1, seed=0):
+    """Periodic, quasi-periodic and chaotic stripes along a slanted line, exponents -0.5, 0, 0.3 with noise in chaos only."""
+    m = map_of(lambda number, mass: number + mass / 3.0, rows, columns)
+    place = m.mle
+    regime = np.where(place < 5.0, "periodic", np.where(place < 9.0, "quasi-periodic", "chaotic")).astype("<U14")
+    mle = np.where(place < 5.0, -0.5, np.where(place < 9.0, 0.0, 0.3))
+    mle += np.where(regime == "chaotic", noise, 1e-3) * np.random.default_rng(seed).standard_normal(m.shape)
+    return dataclasses.replace(m, mle=mle, regime=regime, period=np.where(regime == "periodic", 1, 0))
+
+
+def test_the_classifier_finds_slanted_borders():
+    m = with_hole(striped_map())
+    found = predict_regimes(m, 4, seed=1)
+    assert found.regime[3, 4] == "" and np.isnan(found.probability[3, 4]).all() and not found.held_out[3, 4]
+    assert np.array_equal(found.trained, predict_map(m, model("nearest"), 4, seed=1).trained)  # the same cells
+    tested = found.held_out
+    assert not (tested & found.trained).any() and tested.sum() + found.trained.sum() == m.mle.size - 1
+    assert (found.regime[tested] == m.regime[tested]).mean() > 0.97
+    assert found.probability[tested].sum(axis=1) == pytest.approx(1.0)
+    again = predict_regimes(m, 4, seed=1)
+    assert np.array_equal(found.probability, again.probability, equal_nan=True)
+
+
+def test_a_map_with_one_regime_only():
+    m = map_of(lambda number, mass: -number)
+    found = uncertain_map(m, model("tree"), 2)
+    assert (found.regimes.regime == "periodic").all() and (found.unstable == 0.0).all()
+    scores = uncertainty_scores(m, found)
+    assert scores["regime_accuracy"] == 1.0 and np.isnan(scores["chaos_f1"]) and np.isnan(scores["coverage_chaotic"])
+
+
+def test_thresholds_part_the_regimes():
+    mle = np.array([-0.5, -0.4, -0.02, 0.0, 0.001, 0.2, 0.4])
+    regime = np.array(["periodic"] * 2 + ["quasi-periodic"] * 3 + ["chaotic"] * 2)
+    found = regimes_by_threshold(np.array([[-2.0, 0.0], [0.9, np.nan]]), mle, regime)
+    assert found.tolist() == [["periodic", "quasi-periodic"], ["chaotic", ""]]
+
+
+@given(st.lists(st.tuples(st.booleans(), st.booleans()), min_size=1, max_size=30))
+def test_f1_by_hand(pairs):
+    truth, told = np.array(pairs).T
+    hits, said, there = sum(a and b for a, b in pairs), int(told.sum()), int(truth.sum())
+    found = f1(truth, told)
+    if not said + there:
+        assert np.isnan(found)
+    elif not hits:
+        assert found == 0.0
+    else:
+        precision, recall = hits / said, hits / there
+        assert found == pytest.approx(2.0 * precision * recall / (precision + recall))
+
+
+@pytest.mark.parametrize("name", ["theory-trees", "forest"])
+def test_intervals_cover_what_they_promise(name):
+    """Nine in ten, also within each regime, though noise is a hundred times larger in chaos."""
+    coverages, widths = [], []
+    for seed in range(4):
+        m = striped_map(seed=seed)
+        found = uncertain_map(m, model(name), 2, seed)
+        scores = uncertainty_scores(m, found)
+        coverages.append([scores["coverage"]] + [scores[f"coverage_{r}"] for r in ("periodic", "quasi-periodic", "chaotic")])
+        width = (found.high - found.low)
+        widths.append([np.median(width[m.regime == r]) for r in ("periodic", "chaotic")])
+        assert found.calibrated.calibration_cells == 250
+    means = np.mean(coverages, axis=0)
+    assert 0.87 < means[0] < 0.94 and means[1:].min() > 0.8
+    narrow, wide = np.mean(widths, axis=0)
+    # a normal deviate lies within 1.645 deviations nine times in ten; the model's own error widens that
+    assert narrow < 0.1 and 2 * 1.645 * 0.1 * 0.9 < wide < 2 * 1.645 * 0.1 * 1.7
+
+
+def test_probability_of_instability_is_calibrated():
+    """Labels drawn with a known probability, from sure to sure: no forest tells a cell's, but what is told holds on average."""
+    m = map_of(lambda number, mass: number, 60, 60)
+    truth = (m.mle - 0.5) / 8.0
+    unstable = np.random.default_rng(0).random(m.shape) < truth
+    m = dataclasses.replace(m, regime=np.where(unstable, "quasi-periodic", "periodic").astype("<U14"),
+                            mle=np.where(unstable, 0.0, -0.2))
+    found = uncertain_map(m, model("tree"), 2)
+    tested = found.regimes.held_out
+    _, error = reliability(unstable[tested], found.unstable[tested])
+    raw = 1.0 - found.calibrated.classifier.predict_proba(np.column_stack(
+        [a.ravel() for a in np.meshgrid(m.bearing_number, m.rotor_mass, indexing="ij")]))[:, 0].reshape(m.shape)
+    assert error < 0.05 < reliability(unstable[tested], raw[tested])[1]  # better than the trees' own
+
+
+def test_reliability_by_hand():
+    bins, error = reliability(np.array([False, True, True, True]), np.array([0.04, 0.06, 0.95, 1.0]))
+    assert bins["cells"].tolist() == [2, 2] and bins["observed"].tolist() == [0.5, 1.0]
+    assert bins["predicted"].tolist() == pytest.approx([0.05, 0.975])
+    assert error == pytest.approx((2 * 0.45 + 2 * 0.025) / 4)
+
+
+def test_too_few_cells_are_said():
+    with pytest.raises(TooFewCells, match=r"31 training cells.*80"):
+        uncertain_map(map_of(lambda number, mass: number), model("tree"), 8)
+
+
+def test_blocks_withhold_whole_rectangles():
+    m = with_hole(striped_map(40, 50))
+    found = predict_map(m, model("nearest"), 4, 2, "blocks")
+    assert found.trained.sum() == (m.mle.size - 1) // 4 and not (found.trained & found.held_out).any()
+    blocks = found.held_out.reshape(10, 4, 10, 5).sum(axis=(1, 3))
+    assert set(blocks.ravel().tolist()) <= {0, 19, 20} and (blocks > 0).sum() == 25
+    assert np.array_equal(found.held_out, predict_regimes(m, 4, 2, "blocks").held_out)
+    random = predict_map(m, model("nearest"), 4, 2)
+    assert not np.array_equal(found.trained, random.trained)
+
+
+def test_blocks_are_harder_for_neighbours():
+    m = map_of(lambda number, mass: np.sin(number) + 0.1 * mass, 40, 50)
+    random, blocks = (evaluate(m, [model("nearest")], (4,), (0, 1), split=split)["rmse_held_out"].mean()
+                      for split in ("random", "blocks"))
+    assert blocks > 1.5 * random
