@@ -21,6 +21,7 @@ map_engine      Computes maps: chunks, resume, processes or a Dask cluster
 bifurcation     A line of operating points, swept cold, up and down -> Bifurcation
 surrogates      Models that predict a map from some of its cells: the paper's, interpolation, better ones
 evaluation      How well they do: the paper's metrics, tables and ranking
+refine          Where to solve next: cells worth solving, live or out of a solved map -> Refinement
 artifacts       What is shipped, with checksums
 figures         Plotly figures from results
 ui              The only part that knows Streamlit
