@@ -30,7 +30,7 @@ from spab_core.stability_map import FIELDS, UNREADABLE, MapError, StabilityMap, 
 MIN_START = 16  # cells
 START = 256  # the coarse start is 1/START of the plane, but no more than a quarter of the budget
 MAX_PLANE = 250_000  # cells that the committee predicts after each batch
-TREES = 100
+TREES = 60
 DOUBLING = 4  # batches in which the solved cells double
 EXPONENT_SHARE = 0.3  # of a batch, drawn by the variance of the exponent; the rest by the impurity of the regime
 EXPLORE = 1e-3  # impurity below which no cell is taken to be: an island that no solved cell has met can be found
