@@ -115,7 +115,7 @@ def _answer(args, result: Refinement, found: dict) -> dict:
         print(f"{args.out}: {solved:,} of {result.batch.size:,} cells solved{without}; predicted: "
               + ", ".join(f"{name} {count:,}" for name, count in regimes.items()))
         if found:
-            labels = ("RMSE per revolution", "MAE", "regime accuracy", "F1 of chaos")
+            labels = ("RMSE per revolution", "RMSE without strongly damped cells", "MAE", "regime accuracy", "F1 of chaos")
             print("held-out cells: " + ", ".join(f"{label} {'none' if value is None else format(value, '.4f')}"
                                                  for label, value in zip(labels, found.values(), strict=True)))
         for row in suggested.head(_SHOWN).itertuples():

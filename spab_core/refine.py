@@ -36,6 +36,7 @@ EXPONENT_SHARE = 0.3  # of a batch, drawn by the variance of the exponent; the r
 EXPLORE = 1e-3  # impurity below which no cell is taken to be: an island that no solved cell has met can be found
 SUGGESTIONS = 24  # cells named to be solved next
 CHUNK = 5  # cells solved between two checkpoints
+RELIABLE = 0.15  # bearing number below which solved exponents are themselves right to about 15 % only (docs/numerics.md)
 LABELS = (*REGIMES, "")  # "": the run fails, no exponent
 
 Oracle = Callable[[np.ndarray], dict[str, np.ndarray]]  # flat indices (k,) -> values (k,) by the names of FIELDS
@@ -346,13 +347,22 @@ def scores(m: StabilityMap, prediction: Prediction, cells: np.ndarray) -> dict[s
     Returns
     -------
     dict
-        ``rmse``, ``mae`` per revolution over the cells with an exponent; ``accuracy`` of the regime; ``chaos_f1``. nan where no
-        cell counts.
+        Those of :func:`exponent_scores` and :func:`regime_scores`; nan where no cell counts.
     """
-    with_mle = cells & np.isfinite(m.mle.ravel())
-    truth, predicted = m.mle.ravel()[with_mle], prediction.mle[with_mle]
-    return {"rmse": rmse(truth, predicted) if len(truth) else np.nan, "mae": mae(truth, predicted) if len(truth) else np.nan,
-            **regime_scores(m.regime.ravel()[cells], prediction.regime[cells])}
+    return (exponent_scores(m, prediction.mle, cells)
+            | regime_scores(m.regime.ravel()[cells], prediction.regime[cells]))
+
+
+def exponent_scores(m: StabilityMap, predicted: np.ndarray, cells: np.ndarray) -> dict[str, float]:
+    """``rmse``, ``mae`` and, at bearing numbers from :data:`RELIABLE` on, ``rmse_reliable``.
+
+    Per revolution, over those of ``cells`` (n,) that have an exponent; ``predicted`` (n,). nan where there are none.
+    """
+    truth = m.mle.ravel()
+    known = cells & np.isfinite(truth)
+    reliable = known & (np.repeat(m.bearing_number, len(m.rotor_mass)) >= RELIABLE - 1e-9)
+    return {name: function(truth[chosen], predicted[chosen]) if chosen.any() else np.nan
+            for name, function, chosen in (("rmse", rmse, known), ("rmse_reliable", rmse, reliable), ("mae", mae, known))}
 
 
 def regime_scores(truth: np.ndarray, predicted: np.ndarray) -> dict[str, float]:

@@ -74,7 +74,7 @@ def test_live_cells_and_a_run_that_is_stopped(capsys, tmp_path, monkeypatch):
     (["--seed", "-1"], ["seed", "-1"]),
     (["--workers", "0"], ["--workers", "0"]),
     (["--bearing-number", "2:4"], ["--bearing-number", "start:stop:count"]),
-    (["--rotor-mass", "-3:9:6"], ["rotor mass", "-3"]),
+    (["--rotor-mass", "0:9:6"], ["rotor mass", "0"]),
     (["--rotor-mass", "3:9:1"], ["5 cells", "16"]),
     (["--mesh", "1x1"], ["mesh"]),
     (["--revolutions", "1"], ["revolutions", "1"]),

@@ -33,7 +33,7 @@ def rows():
 
 @pytest.mark.slow
 def test_both_strategies_at_the_same_numbers_of_cells(rows):
-    assert tuple(rows.columns) == COLUMNS and np.isfinite(rows[["rmse", "mae", "chaos_f1"]]).all(axis=None)
+    assert tuple(rows.columns) == COLUMNS and np.isfinite(rows[["rmse", "rmse_reliable", "mae", "chaos_f1"]]).all(axis=None)
     for judged, divisors in (("unsolved", DIVISORS), ("withheld", WITHHELD_DIVISORS)):
         found = rows[(rows["judged"] == judged) & (rows["model"] == COMMITTEE)]
         solved = {s: found[found["strategy"] == s].set_index("divisor")["solved"] for s in ("refine", "random")}
@@ -53,14 +53,16 @@ def test_file_and_figure(rows, tmp_path):
         names = [t.name for t in figure.data]
         assert names.count("chosen by spab refine") == names.count("drawn at random") == 2
         chosen = next(t for t in figure.data if t.name == "chosen by spab refine")
+        assert (found["rmse_reliable"] < found["rmse"]).all()
         expected = summary(rows, judged).loc[("refine", COMMITTEE)]["rmse"]["mean"]
         assert np.allclose(chosen.y, expected)
 
 
 def made_up(refined, committee, tree):
     values = [("refine", COMMITTEE, 16, *refined), ("random", COMMITTEE, 4, *committee), ("random", "tree", 4, *tree)]
-    return pd.DataFrame([dict(zip(COLUMNS, (strategy, name, "unsolved", divisor, 100, seed, error + 0.1 * seed, 0.0, 1.0, f1),
-                                  strict=True)) for strategy, name, divisor, error, f1 in values for seed in (0, 1)])
+    return pd.DataFrame([
+        dict(zip(COLUMNS, (strategy, name, "unsolved", divisor, 100, seed, error + 0.1 * seed, error, 0.0, 1.0, f1), strict=True))
+        for strategy, name, divisor, error, f1 in values for seed in (0, 1)])
 
 
 def test_the_goal_by_hand():
