@@ -34,7 +34,7 @@ bifurcations: .venv/.ready
 audit: .venv/.ready
 	$(BIN)/python benchmarks/audit_map.py
 
-# what refining saves on the shipped map: artifacts/refined_map.npz (n/16 of its cells) and docs/learning_curve.csv
+# after `make map`: what refining saves on it, artifacts/refined_map.npz (n/16 of its cells) and docs/learning_curve.csv
 refined: .venv/.ready
 	$(BIN)/spab refine --map artifacts/reference_map.npz --budget 2656 --seed 10 --out artifacts/refined_map.npz
 	$(BIN)/python -m spab_core.artifacts

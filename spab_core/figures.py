@@ -305,8 +305,13 @@ def refinement_figure(r: Refinement, layer: str = "Regime") -> go.Figure:
     figure.add_scatter(x=r.bearing_number[row], y=r.rotor_mass[column], mode="markers", name=f"solve next ({len(row)})",
                        hovertemplate=f"solve next: {where}<extra></extra>",
                        marker={"color": "#CC79A7", "size": 12, "symbol": "star", "line": {"color": "#000000", "width": 1}})
+    ranges = []
+    for values in (r.bearing_number, r.rotor_mass):
+        half = 0.5 * (values[-1] - values[0]) / max(len(values) - 1, 1) or 0.5
+        ranges.append([values[0] - half, values[-1] + half])
     figure.update_layout(
-        xaxis={"title": BEARING_NUMBER_LABEL, "showgrid": False}, yaxis={"title": MASS_LABEL, "showgrid": False},
+        xaxis={"title": BEARING_NUMBER_LABEL, "showgrid": False, "range": ranges[0]},
+        yaxis={"title": MASS_LABEL, "showgrid": False, "range": ranges[1]},
         margin={"l": 60, "r": 10, "t": 30, "b": 50}, height=560, dragmode="zoom",
         legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0, "itemsizing": "constant"})
     return figure

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from spab_core import Settings
-from spab_core.artifacts import load_reference_map
+from spab_core.artifacts import load_reference_map, load_reference_refinement
 from spab_core.design import InputError
 from spab_core.point import solve_point
 from spab_core.refine import (
@@ -157,7 +157,8 @@ def test_a_refinement_is_the_same_under_a_seed_and_solved_cells_are_kept():
 
 def test_a_larger_budget_solves_the_same_cells_first():
     m = stepped()
-    small, large = (refine(m.bearing_number, m.rotor_mass, map_oracle(m), budget, 1) for budget in (64, 100))  # 64: whole batches
+    budgets = (64, 100)  # 64: whole batches
+    small, large = (refine(m.bearing_number, m.rotor_mass, map_oracle(m), budget, 1) for budget in budgets)
     assert np.array_equal(small.solved, large.solved & (large.batch < small.metadata["batches"]))
 
 
@@ -266,6 +267,14 @@ def test_refining_beats_random_cells_of_the_shipped_map(shipped):
     assert mean["refine"]["rmse"] < 0.8 * mean["random"]["rmse"]
     assert mean["refine"]["chaos_f1"] > mean["random"]["chaos_f1"]
     assert mean["refine"]["accuracy"] > mean["random"]["accuracy"]
+
+
+def test_the_shipped_refinement_is_of_the_shipped_map():
+    m, refined = load_reference_map(), load_reference_refinement()
+    solved = refined.solved
+    assert np.array_equal(refined.bearing_number, m.bearing_number) and np.array_equal(refined.rotor_mass, m.rotor_mass)
+    assert all(np.array_equal(refined.values[k][solved], getattr(m, k)[solved]) for k in FIELDS)
+    assert solved.sum() == m.mle.size // 16 and 0.97 < (refined.regime == m.regime)[~solved].mean() < 1.0
 
 
 def test_save_and_load(tmp_path):
