@@ -1,7 +1,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test lint lock map bifurcations audit linear-table manifest pictures results clean
+.PHONY: run test lint lock map bifurcations audit linear-table refined manifest pictures results clean
 
 run: .venv/.ready
 	$(BIN)/streamlit run app.py
@@ -33,6 +33,12 @@ bifurcations: .venv/.ready
 # random cells of the shipped map again, finer and longer: docs/audit.csv
 audit: .venv/.ready
 	$(BIN)/python benchmarks/audit_map.py
+
+# after `make map`: what refining saves on it, artifacts/refined_map.npz (n/16 of its cells) and docs/learning_curve.csv
+refined: .venv/.ready
+	$(BIN)/spab refine --map artifacts/reference_map.npz --budget 2656 --seed 10 --out artifacts/refined_map.npz
+	$(BIN)/python -m spab_core.artifacts
+	$(BIN)/python benchmarks/learning_curve.py
 
 # the pictures of docs/results.md, drawn in Chromium
 results: .venv/.ready

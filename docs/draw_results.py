@@ -6,8 +6,9 @@ from pathlib import Path
 import plotly.graph_objects as go
 from take_pictures import browser_page
 
-from spab_core.artifacts import BIFURCATIONS, load_reference_bifurcation, load_reference_map
-from spab_core.figures import bifurcation_figure, map_figure
+from spab_core.artifacts import BIFURCATIONS, load_reference_bifurcation, load_reference_map, load_reference_refinement
+from spab_core.figures import bifurcation_figure, learning_curve_figure, map_figure, refinement_figure
+from spab_core.learning_curve import load_learning_curve
 
 DOCS = Path(__file__).resolve().parent
 PICTURES = DOCS / "pictures"
@@ -51,6 +52,8 @@ def main():
                 draw(page, bifurcation_figure(line, coordinate), f"{Path(file).stem}_{coordinate}")
         if (DOCS / "audit.csv").exists():
             draw(page, audit_figure(m), "audit")
+        draw(page, refinement_figure(load_reference_refinement(), "Regime"), "refined_cells")
+        draw(page, learning_curve_figure(load_learning_curve()), "learning_curve")
 
 
 if __name__ == "__main__":

@@ -25,7 +25,9 @@ surrogates      Models that predict a map from some of its cells: the paper's, i
 classifier      Regimes from the labels of some cells, or from predicted exponents
 uncertainty     Conformal intervals, probability of instability and its reliability
 evaluation      How well they do: the paper's metrics, tables and ranking
+refine          Where to solve next: cells worth solving, live or out of a solved map -> Refinement
 artifacts       What is shipped, with checksums
+learning_curve  What refining saves: errors over the number of solved cells, chosen and drawn at random
 figures         Plotly figures from results
 ui              The only part that knows Streamlit
 cli             The command ``spab``

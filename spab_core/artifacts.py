@@ -11,11 +11,13 @@ import pandas as pd
 
 from spab_core.bifurcation import Bifurcation, load_bifurcation
 from spab_core.design import InputError, write_atomically
+from spab_core.refine import Refinement, load_refinement
 from spab_core.stability_map import StabilityMap, load_map
 
 ARTIFACTS = Path(__file__).resolve().parent.parent / "artifacts"
 REFERENCE_MAP = "reference_map.npz"
 SCORES = "surrogate_scores.csv"
+REFINED = "refined_map.npz"
 BIFURCATIONS = ("bifurcation_rotor_mass.npz", "bifurcation_bearing_number.npz")  # at Lambda 3.45, at 4.52 kg
 
 
@@ -82,6 +84,11 @@ def load_reference_scores(folder: Path = ARTIFACTS) -> pd.DataFrame:
     except (OSError, ValueError) as error:
         raise ArtifactError(f"cannot read {SCORES}: {error}") from None
     return scores
+
+
+def load_reference_refinement(folder: Path = ARTIFACTS) -> Refinement:
+    """The shipped map refined from n/16 of its cells. Raises :class:`ArtifactError` or ``MapError``."""
+    return load_refinement(checked_path(REFINED, folder))
 
 
 if __name__ == "__main__":

@@ -8,7 +8,9 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from spab_core.bifurcation import Bifurcation, chaotic_intervals
+from spab_core.learning_curve import COMMITTEE, summary
 from spab_core.point import OperatingPoint
+from spab_core.refine import LABELS, Refinement
 from spab_core.regimes import Regime
 from spab_core.stability_map import StabilityMap
 from spab_core.surrogates import MODELS, PredictedMap
@@ -288,3 +290,92 @@ def fraction_figure(means: pd.DataFrame, deviations: pd.DataFrame, label: str) -
                                 yaxis={"title": f"{label} (log scale)", "type": "log",
                                        "tickvals": [digit * 10.0**k for k in range(-3, 2) for digit in (1, 2, 5)]},
                                 height=420, margin={"l": 60, "r": 10, "t": 20, "b": 50})
+
+
+REFINE_LAYERS = ("Regime", "MLE", "Probability unstable")
+_LABEL_COLOURS = dict(zip(LABELS, ("#56B4E9", "#F0E442", "#D55E00", "#999999"), strict=True))
+
+
+def refinement_figure(r: Refinement, layer: str = "Regime") -> go.Figure:
+    """A predicted plane with the solved cells on it and those to solve next.
+
+    Parameters
+    ----------
+    r : Refinement
+    layer : str
+        One of :data:`REFINE_LAYERS`.
+    """
+    figure = go.Figure()
+    common = {"x": r.bearing_number, "y": r.rotor_mass}
+    bar = {"thickness": 14, "len": 0.9, "title_side": "right"}
+    where = "Λ %{x:.3f}, %{y:.2f} kg"
+    if layer == "Regime":
+        code = np.zeros(r.batch.shape, np.float32)
+        scale = []
+        for k, (label, colour) in enumerate(_LABEL_COLOURS.items()):
+            code[r.regime == label] = k
+            scale += [(k / len(LABELS), colour), ((k + 1) / len(LABELS), colour)]
+            if (r.regime == label).any():
+                figure.add_scatter(x=[None], y=[None], mode="markers", name=label or "no exponent (run fails)", showlegend=True,
+                                   marker={"color": colour, "size": 12, "symbol": "square"})
+        figure.add_heatmap(z=code.T, zmin=-0.5, zmax=len(LABELS) - 0.5, colorscale=scale, showscale=False,
+                           text=np.where(r.regime == "", "no exponent", r.regime).T,
+                           hovertemplate=f"{where}: %{{text}} predicted<extra></extra>", **common)
+    elif layer == "MLE":
+        figure.add_heatmap(z=r.mle.T.astype(np.float32), zmin=-MLE_LIMIT, zmax=MLE_LIMIT, colorscale="RdBu_r",
+                           colorbar={"title": "MLE per revolution, predicted", **bar},
+                           hovertemplate=f"{where}: MLE %{{z:.3f}} predicted<extra></extra>", **common)
+    else:
+        figure.add_heatmap(z=r.unstable.T.astype(np.float32), zmin=0.0, zmax=1.0, colorscale="Cividis",
+                           colorbar={"title": "probability of chaos or failure", **bar},
+                           hovertemplate=f"{where}: probability %{{z:.2f}}<extra></extra>", **common)
+    row, column = np.nonzero(r.solved)
+    figure.add_scattergl(x=r.bearing_number[row].astype(np.float32), y=r.rotor_mass[column].astype(np.float32), mode="markers",
+                         name=f"solved ({len(row):,})", hoverinfo="skip", marker={"color": "#000000", "size": 2.5})
+    row, column = np.unravel_index(r.suggested, r.batch.shape)
+    figure.add_scatter(x=r.bearing_number[row], y=r.rotor_mass[column], mode="markers", name=f"solve next ({len(row)})",
+                       hovertemplate=f"solve next: {where}<extra></extra>",
+                       marker={"color": "#CC79A7", "size": 12, "symbol": "star", "line": {"color": "#000000", "width": 1}})
+    ranges = []
+    for values in (r.bearing_number, r.rotor_mass):
+        half = 0.5 * (values[-1] - values[0]) / max(len(values) - 1, 1) or 0.5
+        ranges.append([values[0] - half, values[-1] + half])
+    figure.update_layout(
+        xaxis={"title": BEARING_NUMBER_LABEL, "showgrid": False, "range": ranges[0]},
+        yaxis={"title": MASS_LABEL, "showgrid": False, "range": ranges[1]},
+        margin={"l": 60, "r": 10, "t": 30, "b": 50}, height=560, dragmode="zoom",
+        legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0, "itemsizing": "constant"})
+    return figure
+
+
+def learning_curve_figure(rows: pd.DataFrame, judged: str = "unsolved") -> go.Figure:
+    """RMSE and F1 of chaos over the number of solved cells, chosen and drawn at random, with their spread over the seeds.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Of ``learning_curve.learning_curve``.
+    judged : str
+        ``unsolved`` or ``withheld``: which cells are predicted.
+    """
+    table = summary(rows, judged)
+    solved = rows.groupby("divisor")["solved"].first()
+    figure = make_subplots(rows=1, cols=2, horizontal_spacing=0.1,
+                           subplot_titles=("RMSE per revolution (log scale)", "F1 of chaos"))
+    for k, metric in enumerate(("rmse", "chaos_f1"), start=1):
+        for strategy, name, colour in (("refine", "chosen by spab refine", SECTION), ("random", "drawn at random", JOURNAL)):
+            found = table.loc[(strategy, COMMITTEE)][metric]
+            figure.add_scatter(x=solved[found.index], y=found["mean"], mode="lines+markers", name=name, legendgroup=strategy,
+                               showlegend=k == 1, line={"color": colour}, row=1, col=k,
+                               error_y={"type": "data", "array": found["std"].fillna(0.0), "thickness": 1, "width": 3})
+        others = table.loc["random"][metric]["mean"].drop(COMMITTEE)
+        if len(others):
+            best = others.idxmin() if metric == "rmse" else others.idxmax()
+            figure.add_scatter(x=[solved[best[1]]], y=[others[best]], mode="markers+text", text=[MODELS[best[0]].label],
+                               textposition="bottom left", name="best other model, random cells", legendgroup="other",
+                               showlegend=k == 1, marker={"color": NEUTRAL, "size": 11, "symbol": "diamond"}, row=1, col=k)
+        figure.update_xaxes(title="solved cells (log scale)", type="log", tickvals=list(solved),
+                            ticktext=[f"n/{d}<br>{c:,}" for d, c in solved.items()], row=1, col=k)
+    figure.update_yaxes(type="log", tickvals=[digit * 10.0**k for k in range(-3, 2) for digit in (1, 2, 5)], row=1, col=1)
+    return figure.update_layout(height=400, margin={"l": 60, "r": 10, "t": 50, "b": 70},
+                                legend={"orientation": "h", "y": 1.12, "yanchor": "bottom", "x": 0})

@@ -37,7 +37,7 @@ def cell_values(point: OperatingPoint) -> dict:
             "status": trajectory.status, "revolutions": trajectory.completed}
 
 
-def _solve_chunk(number: int, design: Design, cells: list[tuple[float, float]],
+def solve_chunk(number: int, design: Design, cells: list[tuple[float, float]],
                  settings: Settings) -> tuple[int, dict[str, np.ndarray]]:
     """Solve (bearing number, rotor mass) cells one after the other; runs in a worker."""
     began = time.perf_counter()
@@ -58,8 +58,9 @@ def _plan(design, bearing_number, rotor_mass, settings):
     }
 
 
-def open_run(folder: Path, design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray, settings: Settings) -> str:
-    """Start a run in ``folder`` or go on with the one that is there.
+def open_run(folder: Path, design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray, settings: Settings,
+             **more) -> str:
+    """Start a run in ``folder`` or go on with the one that is there; ``more``: what else must be the same to resume it.
 
     Returns
     -------
@@ -71,7 +72,7 @@ def open_run(folder: Path, design: Design, bearing_number: np.ndarray, rotor_mas
     MapError
         Where the folder holds another run.
     """
-    plan = _plan(design, bearing_number, rotor_mass, settings)
+    plan = _plan(design, bearing_number, rotor_mass, settings) | more
     path = folder / "plan.json"
     text = json.dumps(plan, indent=1)
     if path.exists():
@@ -91,7 +92,7 @@ def open_run(folder: Path, design: Design, bearing_number: np.ndarray, rotor_mas
 
 
 @contextlib.contextmanager
-def _locked(folder: Path | None) -> Iterator[None]:
+def locked(folder: Path | None) -> Iterator[None]:
     """Keep a second run away from the same parts, on this machine or on another one that shares the folder."""
     if folder is None:
         yield
@@ -167,7 +168,7 @@ def compute_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarr
     cells = [(float(b), float(m)) for b in bearing_number for m in rotor_mass]
     chunks = [cells[k:k + CHUNK_CELLS] for k in range(0, count, CHUNK_CELLS)]
     run_hash = open_run(parts, design, bearing_number, rotor_mass, settings) if parts else ""
-    with _locked(parts):
+    with locked(parts):
         results: dict[int, dict] = {}
         for k in range(len(chunks)):
             path = parts / f"chunk-{k:06d}.npz" if parts else None
@@ -179,7 +180,7 @@ def compute_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarr
         began = time.perf_counter()
         if missing:
             with cluster_or_processes(workers, cluster) as run:
-                for k, result in run(joblib.delayed(_solve_chunk)(k, design, chunks[k], settings) for k in missing):
+                for k, result in run(joblib.delayed(solve_chunk)(k, design, chunks[k], settings) for k in missing):
                     if str(result.pop("solver")) != solver_hash():
                         raise MapError(f"the workers of {cluster} run another version of spab's solver than this process: "
                                        "install the same version there")

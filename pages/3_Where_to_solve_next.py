@@ -1,0 +1,61 @@
+"""Where to solve next: the cells of the map worth solving, those named next, and what choosing them saves."""
+
+import streamlit as st
+
+from spab_core.artifacts import load_reference_refinement
+from spab_core.figures import REFINE_LAYERS, learning_curve_figure, refinement_figure
+from spab_core.learning_curve import GOAL, goal, load_learning_curve
+from spab_core.refine import RELIABLE
+from spab_core.ui.shared import errors_in_words, page_head
+
+page_head("where to solve next")
+
+with errors_in_words():
+    refined, rows = load_reference_refinement(), load_learning_curve()
+
+st.markdown("#### Which points should I solve next, and how few are enough?")
+found, share = goal(rows), [f"n/{k}" for k in GOAL]
+solved = rows.groupby("divisor")["solved"].first()
+error, reliable, chaos = (found.loc[name] for name in ("rmse", "rmse_reliable", "chaos_f1"))
+words = (f"{solved[GOAL[0]]:,} chosen points ({share[0]}) predict the rest of the map with RMSE {error['refined']:.3f} per "
+         f"revolution and F1 of chaos {chaos['refined']:.3f}; {solved[GOAL[1]]:,} random points ({share[1]}) with "
+         f"{error['random']:.3f} and {chaos['random']:.3f}, by the best model for each {error['best']:.3f} and "
+         f"{chaos['best']:.3f}.")
+met = all(row[name] for row in (error, chaos) for name in ("met", "met_best"))
+(st.success if met else st.warning)(words)
+st.caption(f"Most of that error is of strongly damped cells. From Λ = {RELIABLE:g} on, the RMSE is {reliable['refined']:.3f} "
+           f"for the chosen points, {reliable['random']:.3f} for the random ones.")
+
+left, right = st.columns([1.25, 1], gap="medium")
+with left:
+    layer = st.segmented_control("Predicted", REFINE_LAYERS, default=REFINE_LAYERS[0], key="layer") or REFINE_LAYERS[0]
+    st.plotly_chart(refinement_figure(refined, layer), key="plane", width="stretch")
+    st.caption(f"Black: the {int(refined.solved.sum()):,} solved cells of {refined.batch.size:,}, from a coarse start of "
+               f"{refined.metadata['start']} in {refined.metadata['batches']} batches. Colours: what they predict. Stars: the "
+               "cells to solve next.")
+with right:
+    st.markdown("##### Solve next")
+    suggested = refined.suggestions()
+    st.dataframe(suggested, height=455, hide_index=True, column_config={
+        "bearing_number": st.column_config.NumberColumn("Λ", format="%.4g"),
+        "speed_rpm": st.column_config.NumberColumn("rpm", format="%.0f"),
+        "rotor_mass_kg": st.column_config.NumberColumn("mass, kg", format="%.4g"),
+        "predicted_mle": st.column_config.NumberColumn("MLE", format="%.3f", help="Per revolution, predicted"),
+        "deviation": st.column_config.NumberColumn("±", format="%.3f", help="Standard deviation among the trees"),
+        "predicted_regime": "regime",
+        "probability_unstable": st.column_config.NumberColumn("unstable", format="%.2f",
+                                                              help="Probability of chaos or of a run that fails"),
+        "why": "why"})
+    st.download_button("Download these points as CSV", suggested.to_csv(index=False), "solve_next.csv", "text/csv", key="csv")
+    st.markdown("For a bearing of your own:")
+    number, mass = (f"{a[0]:g}:{a[-1]:g}:{len(a)}" for a in (refined.bearing_number, refined.rotor_mass))
+    st.code(f"spab refine --design my.toml --bearing-number {number} --rotor-mass {mass} --budget {int(refined.solved.sum())} "
+            "--out refined.npz", language="bash", wrap_lines=True)
+
+st.markdown("##### What choosing saves")
+judged = st.segmented_control("Judged on", ("unsolved", "withheld"), default="unsolved", key="judged", format_func=lambda k: {
+    "unsolved": "all cells not solved", "withheld": "a fifth that neither may solve"}[k]) or "unsolved"
+st.plotly_chart(learning_curve_figure(rows, judged), key="curve", width="stretch")
+st.caption(f"Means over {rows['seed'].nunique()} seeds, bars: one standard deviation; both curves by the same committee of "
+           "trees. Of all cells not solved, the hard ones are missing where they were chosen: a designer's gain. The withheld "
+           "fifth is the same for both.")

@@ -1,0 +1,104 @@
+"""``spab refine``: a study on a map and live cells; keys, files, going on after a stop, one sentence for bad input."""
+
+import json
+
+import numpy as np
+import pytest
+
+from spab_core import cli_refine
+from spab_core.cli import main
+from spab_core.refine import load_refinement
+from spab_core.stability_map import save_map
+from tests.unit.test_surrogates import map_of, with_hole
+
+LIVE = ["refine", "--bearing-number", "2:4:5", "--rotor-mass", "3:9:6", "--mesh", "6x24", "--transient", "10",
+        "--revolutions", "30", "--budget", "20"]
+
+
+@pytest.fixture(scope="module")
+def map_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("map") / "m.npz"
+    save_map(with_hole(map_of(lambda number, mass: 0.2 * number - 0.05 * mass)), path)
+    return str(path)
+
+
+def test_a_study_tells_its_errors(capsys, tmp_path, map_file):
+    out = str(tmp_path / "r.npz")
+    argv = ["refine", "--map", map_file, "--budget", "100", "--out", out]
+    assert main([*argv, "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["solved"] == 100 and answer["cells"] == 252 and sum(answer["predicted_regimes"].values()) == 252
+    assert 0.0 < answer["rmse_held_out"] < 0.1 and 0.9 < answer["chaos_f1_held_out"] <= 1.0
+    assert len(answer["suggested"]) == 24 and answer["suggested"][0]["why"].endswith("uncertain")
+    result = load_refinement(out)
+    assert result.solved.sum() == 100 and result.metadata["study"] is True
+    assert main(argv) == 0
+    text = capsys.readouterr().out
+    assert "F1 of chaos" in text and text.count("solve next: bearing number") == 5
+    assert main([*argv[:4], "252", *argv[5:], "--json"]) == 0  # the whole map: nothing held out, nothing left
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["rmse_held_out"] is None and answer["suggested"] == [] and answer["without_exponent"] == 1
+
+
+def test_live_cells_and_a_run_that_is_stopped(capsys, tmp_path, monkeypatch):
+    whole, stopped = tmp_path / "whole.npz", tmp_path / "stopped.npz"
+    assert main([*LIVE, "--out", str(whole), "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["solved"] == 20 and not (tmp_path / "whole.npz.parts").exists()
+
+    real = cli_refine.refine
+
+    def interrupted(number, mass, oracle, budget, seed, **options):
+        def watch(solved, prediction):
+            raise KeyboardInterrupt
+        return real(number, mass, oracle, budget, seed, watch=watch, **options)
+
+    monkeypatch.setattr(cli_refine, "refine", interrupted)
+    with pytest.raises(SystemExit) as stop:
+        main([*LIVE, "--out", str(stopped)])
+    assert stop.value.code == 130 and "the same command goes on" in capsys.readouterr().err
+    assert list((tmp_path / "stopped.npz.parts").glob("chunk-*.npz")) and not stopped.exists()
+    monkeypatch.setattr(cli_refine, "refine", real)
+    assert main([*LIVE, "--seed", "1", "--out", str(stopped)]) == 2  # another seed is another run
+    assert "refine_seed" in capsys.readouterr().err
+    assert main([*LIVE, "--out", str(stopped), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) | {"out": ""} == answer | {"out": ""}
+    first, second = load_refinement(whole), load_refinement(stopped)
+    assert np.array_equal(first.batch, second.batch)
+    assert np.array_equal(first.values["mle"], second.values["mle"], equal_nan=True)
+
+
+@pytest.mark.parametrize("argv, words", [
+    (["--budget", "15"], ["budget", "15", "16"]),
+    (["--budget", "31"], ["budget", "31", "30"]),
+    (["--seed", "-1"], ["seed", "-1"]),
+    (["--workers", "0"], ["--workers", "0"]),
+    (["--bearing-number", "2:4"], ["--bearing-number", "start:stop:count"]),
+    (["--rotor-mass", "0:9:6"], ["rotor mass", "0"]),
+    (["--rotor-mass", "3:9:1"], ["5 cells", "16"]),
+    (["--mesh", "1x1"], ["mesh"]),
+    (["--revolutions", "1"], ["revolutions", "1"]),
+    (["--design", "/nowhere.toml"], ["/nowhere.toml"]),
+    (["--out", "/nowhere/r.npz"], ["--out", "/nowhere"]),
+    (["--map", "/nowhere.npz"], ["--bearing-number", "--rotor-mass", "--mesh", "not allowed with --map"]),
+])
+def test_wrong_input_is_one_sentence(capsys, tmp_path, argv, words):
+    assert main([*LIVE, "--out", str(tmp_path / "r.npz"), *argv]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert all(word in lines[-1] for word in words), lines[-1]
+    assert "Traceback" not in "".join(lines) and not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("argv, words", [
+    (["--budget", "20"], ["plane is missing", "--map"]),
+    (["--budget", "20", "--bearing-number", "2:4:5"], ["plane is missing"]),
+    (["--budget", "20", "--map", "/nowhere.npz"], ["/nowhere.npz"]),
+    (["--budget", "9", "--map", "MAP"], ["budget", "9"]),
+    (["--budget", "400", "--map", "MAP"], ["budget", "252"]),
+    (["--budget", "20", "--map", "MAP", "--tolerance", "1e-3"], ["--tolerance", "not allowed with --map"]),
+])
+def test_wrong_studies_are_one_sentence(capsys, tmp_path, map_file, argv, words):
+    assert main(["refine", *(map_file if a == "MAP" else a for a in argv), "--out", str(tmp_path / "r.npz")]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert all(word in lines[-1] for word in words), lines[-1]
+    assert not list(tmp_path.iterdir())
