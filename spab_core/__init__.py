@@ -22,6 +22,9 @@ bifurcation     A line of operating points, swept cold, up and down -> Bifurcati
 surrogates      Models that predict a map from some of its cells: the paper's, interpolation, better ones
 evaluation      How well they do: the paper's metrics, tables and ranking
 artifacts       What is shipped, with checksums
+model_cache     Where models trained on this machine are kept
+pretrained      Trained models and predicted maps: shipped, kept, or trained now; checked before they are opened
+release         Everything shipped that is computed from the map: rebuilt to the bit, verified
 figures         Plotly figures from results
 ui              The only part that knows Streamlit
 cli             The command ``spab``
