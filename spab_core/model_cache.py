@@ -127,6 +127,9 @@ def keep(name: str, data: bytes, made_from: dict) -> Path:
     """
     folder = cache_folder()
     try:
+        for path in (folder / name, folder / f"{name}.json"):
+            if path.is_symlink():
+                path.unlink()  # or its target would be written
         write(folder / name, data, made_from)
         files = sorted(folder.glob("*.joblib"), key=lambda p: (p.name != name, -p.stat().st_mtime))
         room = MAX_BYTES

@@ -132,11 +132,16 @@ def _restore(name: str, data: bytes, noted: object, wanted: dict, kind: Model, r
     if apart := difference(noted, wanted):
         raise ArtifactError(f"{name} is not opened: {apart}; {retrain}")
     assert isinstance(noted, dict)
+    cells, converged = noted.get("training_cells"), noted.get("converged")
+    if not isinstance(cells, int) or converged not in (None, True, False):
+        raise ArtifactError(f"{name} is not opened: what is noted of it is damaged; {retrain}")
     try:
         estimator = joblib.load(io.BytesIO(data))
+        if not hasattr(estimator, "predict"):
+            raise TypeError("there is no model in it")
     except Exception as error:  # the bytes are the right ones: something else is broken, which training mends
         raise ArtifactError(f"{name} cannot be opened ({type(error).__name__}: {str(error)[:100]}); {retrain}") from None
-    return Surrogate(kind, estimator, wanted["seed"], int(noted["training_cells"]), float("nan"), noted["converged"])
+    return Surrogate(kind, estimator, wanted["seed"], cells, float("nan"), converged)
 
 
 def load_shipped_model(m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, folder: Path = ARTIFACTS) -> Surrogate:
@@ -387,7 +392,7 @@ def load_shipped_map(m: StabilityMap, kind: Model, divisor: int, seed: int = SEE
             raise ValueError("it does not fit the map")
     except ArtifactError:
         raise
-    except (*UNREADABLE, TypeError, IndexError) as error:
+    except (*UNREADABLE, TypeError, IndexError, AttributeError) as error:
         raise ArtifactError(f"{kind.label} trained on n/{divisor} is not in {PREDICTIONS} ({str(error)[:100]}); "
                             f"{retrain}") from None
     index, _, values = solved_cells(m)
