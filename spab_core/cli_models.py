@@ -8,6 +8,7 @@ from tqdm import tqdm
 
 from spab_core import model_cache
 from spab_core.artifacts import ARTIFACTS, load_reference_map
+from spab_core.cli_surrogates import step_bar
 from spab_core.design import InputError, check_number, check_output
 from spab_core.evaluation import SEEDS, errors
 from spab_core.pretrained import describe, dump, keep_model, model_source, train_on_map
@@ -87,10 +88,7 @@ def _train_one(args) -> dict:
     if args.out is not None:
         check_output(args.out, "--out")
     m = _map(args, _folder(args))
-    with tqdm(unit="step", leave=False) as bar:
-        def step(done, total):
-            bar.total = total
-            bar.update(done - bar.n)
+    with step_bar() as step:
         predicted = train_on_map(m, kind, args.divisor, seed, step)
     surrogate = predicted.surrogate
     if args.out is None:

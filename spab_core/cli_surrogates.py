@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import sys
 
 from tqdm import tqdm
 
-from spab_core.artifacts import load_reference_map
+from spab_core.artifacts import ARTIFACTS, load_reference_map
 from spab_core.design import InputError, check_number, check_output, write_atomically
 from spab_core.evaluation import SEEDS, errors, evaluate, ranking, suggestion, table
 from spab_core.pretrained import find_model, predict_with
@@ -41,6 +42,16 @@ def add_commands(commands, number, whole) -> None:
     sub.add_argument("--bearing-number", type=number)
     sub.add_argument("--out", metavar="FILE.npz", help="write the predicted map: mle, trained, and the axes")
     sub.set_defaults(run=_predict)
+
+
+@contextlib.contextmanager
+def step_bar():
+    """A bar for what takes more than half a second; yields a function of the steps done and the steps in all."""
+    with tqdm(unit="step", leave=False, delay=0.5) as bar:
+        def step(done, total):
+            bar.total = total
+            bar.update(done - bar.n)
+        yield step
 
 
 def _load(args) -> StabilityMap:
@@ -104,7 +115,8 @@ def _predict(args) -> dict:
             print(f"spab: the point lies outside the map (bearing number {number[0]:g} to {number[1]:g}, rotor mass "
                   f"{mass[0]:g} to {mass[1]:g} kg): the model extrapolates", file=sys.stderr)
         answer["inside_map"] = all(inside)
-    found = find_model(m, kind, args.divisor, args.seed)
+    with step_bar() as step:
+        found = find_model(m, kind, args.divisor, args.seed, folder=ARTIFACTS if args.map is None else None, progress=step)
     for note in found.notes:
         print(f"spab: {note}", file=sys.stderr)
     predicted = predict_with(m, found.surrogate, args.divisor)

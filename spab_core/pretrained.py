@@ -258,7 +258,7 @@ class Found:
     notes: tuple[str, ...] = ()
 
 
-def find_model(m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, *, folder: Path = ARTIFACTS,
+def find_model(m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, *, folder: Path | None = ARTIFACTS,
                progress: Progress | None = None) -> Found:
     """A trained model: the shipped one, else one kept on this machine, else trained now and kept.
 
@@ -267,8 +267,8 @@ def find_model(m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, *, 
     m : StabilityMap
     kind : Model
     divisor, seed : int
-    folder : Path
-        Of the shipped files.
+    folder : Path or None
+        Of the shipped files; None for a map of which nothing can be shipped.
     progress : callable
         As :func:`train_on_map`; called only where something is trained.
 
@@ -283,7 +283,7 @@ def find_model(m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, *, 
 def _find(m, kind, divisor, seed, folder, progress) -> tuple[Found, PredictedMap | None]:
     """The model, and the map that was predicted where it had to be trained."""
     notes = []
-    if seed == SEED and _is_shipped(model_file(kind, divisor), folder):
+    if folder is not None and seed == SEED and _is_shipped(model_file(kind, divisor), folder):
         try:
             return Found(load_shipped_model(m, kind, divisor, seed, folder), "shipped"), None
         except ArtifactError as error:

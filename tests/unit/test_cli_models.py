@@ -11,7 +11,7 @@ import joblib
 import numpy as np
 import pytest
 
-from spab_core import release
+from spab_core import cli_surrogates, release
 from spab_core.artifacts import ARTIFACTS, PREDICTIONS, REFERENCE_MAP, SCORES, load_reference_map, sha256, write_manifest
 from spab_core.cli import main
 from spab_core.release import MAX_FOLDER_BYTES, _choose, rebuild, verify
@@ -188,6 +188,21 @@ def test_train_one_model_into_the_cache_and_into_a_file(capsys, tmp_path, map_fi
     side = json.loads((tmp_path / "tree.joblib.json").read_text())
     assert side["sha256"] == sha256(out) and side["made_from"]["seed"] == 3
     assert "held-out RMSE" in capsys.readouterr().out
+
+
+def test_predict_takes_the_shipped_model_or_says_why_not(capsys, folder, tmp_path, monkeypatch):
+    monkeypatch.setenv("SPAB_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(cli_surrogates, "ARTIFACTS", folder)
+    monkeypatch.setattr(load_reference_map, "__defaults__", (folder,))
+    argv, answers = ["predict", "--model", "tree", "--divisor", "4", "--bearing-number", "4", "--rotor-mass", "9", "--json"], []
+    for origin in ("shipped", "trained", "kept"):
+        assert main(argv) == 0
+        out = capsys.readouterr()
+        answers.append(json.loads(out.out))
+        assert answers[-1]["origin"] == origin
+        assert ("SHA-256" in out.err) == (origin != "shipped")
+        (folder / "surrogate_tree_n4.joblib").write_bytes(b"damaged")
+    assert len({answer["mle_per_revolution"] for answer in answers}) == 1
 
 
 def test_train_without_a_place_to_keep_it(capsys, map_file, monkeypatch):
