@@ -199,7 +199,7 @@ class _CountingThread(ThreadingBackend):
 
     def submit(self, func, callback=None):
         def counted(result):
-            if self.progress is not None and self.done < self.total:
+            if self.progress is not None and 1 < self.total > self.done:
                 self.done += 1
                 self.progress(self.done, self.total)
             if callback is not None:
@@ -226,12 +226,19 @@ def train_on_map(m: StabilityMap, kind: Model, divisor: int, seed: int = SEED,
     with threadpool_limits(1):  # sums in another order would be other bits
         if progress is None:
             return predict_map(m, kind, divisor, seed)
-        total = getattr(kind.build(seed), "n_estimators", 1)
+        total = _trees(kind)
         progress(0, total)
         with joblib.parallel_config(backend=_CountingThread(total, progress)):
             found = predict_map(m, kind, divisor, seed)
     progress(total, total)
     return found
+
+
+def _trees(kind: Model) -> int:
+    try:
+        return kind.build(0).n_estimators
+    except (AttributeError, TypeError):  # no forest, or built from more than a seed: its training is one step
+        return 1
 
 
 def _with_plain_dtypes(m: StabilityMap) -> StabilityMap:
