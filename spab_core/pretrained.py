@@ -410,7 +410,7 @@ def load_shipped_map(m: StabilityMap, kind: Model, divisor: int, seed: int = SEE
                             f"cells; {retrain}")
     train_seconds, predict_seconds = measured_seconds(kind, divisor, folder)
     surrogate = Surrogate(kind, OnDemand(m, kind, divisor, seed, folder), seed, cells, train_seconds, converged)
-    return ServedMap(kind, divisor, seed, mle, trained.reshape(m.shape), surrogate, predict_seconds, "shipped")
+    return ServedMap(kind, divisor, seed, mle, trained.reshape(m.shape), surrogate, predict_seconds, origin="shipped")
 
 
 def measured_seconds(kind: Model, divisor: int, folder: Path = ARTIFACTS) -> tuple[float, float]:

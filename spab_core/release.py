@@ -45,6 +45,8 @@ from spab_core.pretrained import (
 from spab_core.stability_map import StabilityMap, load_map, npz_bytes, save_map
 from spab_core.surrogates import DIVISORS, MODELS, Model, training_mask
 
+# tables of errors by file: the models in them (None: all), and what evaluation.evaluate is asked besides
+TABLES: dict[str, tuple[tuple[str, ...] | None, dict]] = {SCORES: (None, {})}
 MAX_MODEL_BYTES = 2_000_000  # a larger model is trained on first use
 MAX_FOLDER_BYTES = 20_000_000  # of artifacts/ in all
 STEP = 2.0**-16  # of a shipped exponent, per revolution
@@ -119,7 +121,8 @@ def rebuild(m: StabilityMap, folder: Path = ARTIFACTS, *, models: Sequence[Model
         training_mask(count, divisor, SEED)  # too few cells: said before an hour of training
     run = joblib.Parallel(n_jobs=workers, return_as="generator")
     with joblib.parallel_config(backend="loky", inner_max_num_threads=1), threadpool_limits(1):
-        scores = evaluate(m, models, divisors, seeds, workers=workers, progress=progress)
+        tables = {name: evaluate(m, kinds, divisors, seeds, workers=workers, progress=progress, **options)
+                  for name, kinds, options in _tables(models)}
     jobs = [(kind.name, divisor) for kind in models for divisor in divisors]
     maps: dict[str, list] = {kind.name: [] for kind in models}
     about: dict[str, list] = {kind.name: [] for kind in models}
@@ -136,9 +139,9 @@ def rebuild(m: StabilityMap, folder: Path = ARTIFACTS, *, models: Sequence[Model
     arrays = {"bearing_number": m.bearing_number, "rotor_mass": m.rotor_mass}
     arrays |= {name: np.stack(layers) for name, layers in maps.items()}
     written = {
-        SCORES: scores[[c for c in scores.columns if not c.endswith("_seconds")]].to_csv(index=False).encode(),
-        PREDICTIONS: npz_bytes(arrays | {"metadata": np.array(json.dumps(metadata, sort_keys=True))}),
-    }
+        name: scores[[c for c in scores.columns if not c.endswith("_seconds")]].to_csv(index=False).encode()
+        for name, scores in tables.items()}
+    written[PREDICTIONS] = npz_bytes(arrays | {"metadata": np.array(json.dumps(metadata, sort_keys=True))})
     sources = dict.fromkeys(written, source)
     others = sum((folder / name).stat().st_size for name in present_files(folder)
                  if name not in written and not _is_model(name))
@@ -160,7 +163,15 @@ def rebuild(m: StabilityMap, folder: Path = ARTIFACTS, *, models: Sequence[Model
 
 def trainings(models: Sequence[Model], divisors: Sequence[int], seeds: Sequence[int]) -> int:
     """How many trainings :func:`rebuild` makes."""
-    return len(models) * len(divisors) * (len(seeds) + 1)
+    rows = sum(len(kinds) for _, kinds, _ in _tables(models)) * len(divisors) * len(seeds)
+    return rows + len(models) * len(divisors)
+
+
+def _tables(models: Sequence[Model]) -> list[tuple[str, list[Model], dict]]:
+    """File, models and options of each table that has any of the models."""
+    found = [(name, [kind for kind in models if names is None or kind.name in names], options)
+             for name, (names, options) in TABLES.items()]
+    return [job for job in found if job[1]]
 
 
 def _is_model(name: str) -> bool:
@@ -230,7 +241,7 @@ def verify(folder: Path = ARTIFACTS) -> Iterator[Check]:
         if name in files:
             yield _checked(f"{name}: a line of the reference bearing", _check_line, name, folder)
     source = made_from(m)
-    for name in (SCORES, PREDICTIONS):
+    for name in (*TABLES, PREDICTIONS):
         apart = difference(files[name].get("made_from"), source) if name in files else "it is missing"
         yield Check(f"{name}: versions, code, design, map", f"{apart}; `spab train --all` makes it again" if apart else "")
     yield _checked(f"{SCORES}: every model and fraction, and the errors of the shipped maps", _check_scores, m, folder)
