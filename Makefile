@@ -1,7 +1,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test lint lock map bifurcations audit linear-table refined manifest pictures results clean
+.PHONY: run test lint lock map train verify bifurcations audit linear-table refined manifest pictures results clean
 
 run: .venv/.ready
 	$(BIN)/streamlit run app.py
@@ -19,10 +19,18 @@ lock: .venv/.ready
 	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --extra test --no-emit-index-url --no-header \
 	  --output-file requirements.lock --upgrade pyproject.toml
 
-# the shipped map: 42,500 cells, an hour and a quarter on two cores; an interrupted run goes on
+# the shipped map: 42,500 cells, an hour and a quarter on two cores; an interrupted run goes on; then `make train`
 map: .venv/.ready
 	$(BIN)/spab map --bearing-number 0.05:8.5:170 --rotor-mass 0.1:25:250 --out artifacts/reference_map.npz --workers 2
 	$(BIN)/python -m spab_core.artifacts
+
+# scores, predicted maps and small models from the shipped map, the same to the bit on the same versions
+train: .venv/.ready
+	$(BIN)/spab train --all --workers 2
+
+# what is shipped is what the manifest says, and comes out of these versions, this design and this map
+verify: .venv/.ready
+	$(BIN)/spab verify
 
 # the paper's lines, swept cold, up and down
 bifurcations: .venv/.ready

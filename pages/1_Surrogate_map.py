@@ -6,7 +6,7 @@ import streamlit as st
 from spab_core.evaluation import error_by_regime, errors, uncertainty_scores
 from spab_core.figures import reliability_figure, surrogate_figure, uncertainty_figure
 from spab_core.surrogates import DIVISORS, MODELS
-from spab_core.ui.shared import errors_in_words, page_head, predicted_map, reference_map, uncertain_reference_map
+from spab_core.ui.shared import errors_in_words, page_head, predicted_map, reference_map, time_text, uncertain_reference_map
 from spab_core.uncertainty import reliability
 
 page_head("surrogate map")
@@ -42,8 +42,9 @@ if predicted.surrogate.converged is False:
     st.warning("The training of this network stopped at its limit of 500 epochs, before its own criterion was met.")
 
 st.plotly_chart(surrogate_figure(m, predicted), key="maps", width="stretch")
-st.caption(f"Trained in {predicted.surrogate.seconds:.2f} s on this machine, the whole map predicted in "
-           f"{predicted.predict_seconds:.2f} s. Colours end at the 98th percentile of the error; training cells are blank "
+if predicted.note:
+    st.warning(f"Trained on this machine: {predicted.note}.")
+st.caption(f"{time_text(predicted)} Colours end at the 98th percentile of the error; training cells are blank "
            "there. Cells without an exponent are left out.")
 
 st.markdown("##### Where the error lives (held-out cells)")

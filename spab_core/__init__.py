@@ -28,6 +28,9 @@ evaluation      How well they do: the paper's metrics, tables and ranking
 refine          Where to solve next: cells worth solving, live or out of a solved map -> Refinement
 artifacts       What is shipped, with checksums
 learning_curve  What refining saves: errors over the number of solved cells, chosen and drawn at random
+model_cache     Where models trained on this machine are kept
+pretrained      Trained models and predicted maps: shipped, kept, or trained now; checked before they are opened
+release         Everything shipped that is computed from the map: rebuilt to the bit, verified
 figures         Plotly figures from results
 ui              The only part that knows Streamlit
 cli             The command ``spab``

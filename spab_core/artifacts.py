@@ -18,6 +18,9 @@ ARTIFACTS = Path(__file__).resolve().parent.parent / "artifacts"
 REFERENCE_MAP = "reference_map.npz"
 SCORES = "surrogate_scores.csv"
 REFINED = "refined_map.npz"
+PREDICTIONS = "surrogate_maps.npz"
+SECONDS = "surrogate_seconds.csv"  # measured by benchmarks/surrogates.py: not part of what is rebuilt to the bit
+MANIFEST = "manifest.json"
 BIFURCATIONS = ("bifurcation_rotor_mass.npz", "bifurcation_bearing_number.npz")  # at Lambda 3.45, at 4.52 kg
 
 
@@ -31,38 +34,97 @@ def sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def write_manifest(folder: Path = ARTIFACTS) -> dict:
-    """Write manifest.json for all files of the folder; returns what it holds."""
-    files = {p.name: {"sha256": sha256(p), "bytes": p.stat().st_size}
-             for p in sorted(folder.iterdir()) if p.name != "manifest.json" and not p.name.startswith(".")}
+def _text(manifest: dict) -> bytes:
+    return (json.dumps(manifest, indent=1) + "\n").encode()
+
+
+def read_manifest(folder: Path = ARTIFACTS) -> dict[str, dict]:
+    """Entries of the manifest by file name.
+
+    Returns
+    -------
+    dict
+        ``sha256``, ``bytes`` and, for what was computed from a map, ``made_from`` (:mod:`spab_core.pretrained`).
+
+    Raises
+    ------
+    ArtifactError
+        Where it is missing or no manifest.
+    """
+    try:
+        files = json.loads((folder / MANIFEST).read_text("utf-8"))["files"]
+        if not all(isinstance(entry["sha256"], str) and Path(name).name == name for name, entry in files.items()):
+            raise ValueError
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        raise ArtifactError(f"{folder / MANIFEST} is missing or no manifest: restore the folder from the repository, or run "
+                            "`make manifest` after replacing a file on purpose") from None
+    return files
+
+
+def present_files(folder: Path = ARTIFACTS) -> list[str]:
+    """Names of the files that a manifest must name, sorted."""
+    return sorted(p.name for p in folder.iterdir() if p.name != MANIFEST and not p.name.startswith("."))
+
+
+def write_manifest(folder: Path = ARTIFACTS, made_from: dict[str, dict] | None = None) -> dict:
+    """Write manifest.json for all files of the folder.
+
+    Parameters
+    ----------
+    folder : Path
+    made_from : dict
+        By file name: what the files were computed from. A file left out keeps what the manifest says of it if its bytes are
+        the same, and loses it otherwise.
+
+    Returns
+    -------
+    dict
+        What was written.
+    """
+    try:
+        before = read_manifest(folder)
+    except ArtifactError:
+        before = {}
+    files: dict[str, dict] = {}
+    for name in present_files(folder):
+        path = folder / name
+        entry = files[name] = {"sha256": sha256(path), "bytes": path.stat().st_size}
+        old = before.get(name, {})
+        source = (made_from or {}).get(name, old.get("made_from") if old.get("sha256") == entry["sha256"] else None)
+        if source is not None:
+            entry["made_from"] = source
     manifest = {"files": files}
-    write_atomically(folder / "manifest.json", (json.dumps(manifest, indent=1) + "\n").encode())
+    write_atomically(folder / MANIFEST, _text(manifest))
     return manifest
 
 
-def checked_path(name: str, folder: Path = ARTIFACTS) -> Path:
-    """Path of a shipped file after its checksum is checked.
+def checked_bytes(name: str, folder: Path = ARTIFACTS) -> bytes:
+    """A shipped file's bytes: those that were checked, so that nobody can swap the file in between.
 
     Raises
     ------
     ArtifactError
         Where the file or the manifest is missing or damaged, or the checksums differ.
     """
-    try:
-        files = json.loads((folder / "manifest.json").read_text("utf-8"))["files"]
-        expected = files[name]["sha256"]
-    except (OSError, ValueError, KeyError, TypeError):
-        raise ArtifactError(f"{name} is not named in {folder / 'manifest.json'}: restore the folder from the repository, "
-                            "or run `make manifest` after replacing a file on purpose") from None
+    files = read_manifest(folder)
     path = folder / name
+    if name not in files:
+        raise ArtifactError(f"{name} is not named in {folder / MANIFEST}: restore the folder from the repository, "
+                            "or run `make manifest` after replacing a file on purpose")
     try:
-        found = sha256(path)
+        data = path.read_bytes()
     except OSError as error:
         raise ArtifactError(f"cannot read {path}: {error.strerror or error}") from None
-    if found != expected:
+    if hashlib.sha256(data).hexdigest() != files[name]["sha256"]:
         raise ArtifactError(f"{path} is not the file that the manifest names (its SHA-256 differs): restore it from the "
                             "repository, or run `make manifest` after replacing it on purpose")
-    return path
+    return data
+
+
+def checked_path(name: str, folder: Path = ARTIFACTS) -> Path:
+    """Path of a shipped file after its checksum is checked. Raises as :func:`checked_bytes`."""
+    checked_bytes(name, folder)
+    return folder / name
 
 
 def load_reference_map(folder: Path = ARTIFACTS) -> StabilityMap:
@@ -78,7 +140,7 @@ def load_reference_bifurcation(name: str, folder: Path = ARTIFACTS) -> Bifurcati
 def load_reference_scores(folder: Path = ARTIFACTS) -> pd.DataFrame:
     """The shipped scores of all surrogates on the reference map (``evaluation.evaluate``). Raises :class:`ArtifactError`."""
     try:
-        scores = pd.read_csv(io.BytesIO(checked_path(SCORES, folder).read_bytes()))
+        scores = pd.read_csv(io.BytesIO(checked_bytes(SCORES, folder)))
         if scores.empty or not {"model", "divisor", "seed", "rmse_held_out", "converged"} <= set(scores.columns):
             raise ValueError("columns are missing")
     except (OSError, ValueError) as error:

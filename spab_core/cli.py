@@ -12,7 +12,7 @@ from pathlib import Path
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 from tqdm import tqdm
 
-from spab_core import cli_refine, cli_surrogates
+from spab_core import cli_models, cli_refine, cli_surrogates
 from spab_core._version import __version__
 from spab_core.bifurcation import SWEEPS, VARY, chaotic_intervals, check_line, compute_bifurcation, save_bifurcation
 from spab_core.design import InputError, check_number, check_output, load_design, reference_design, write_atomically
@@ -103,6 +103,7 @@ def _build_parser() -> argparse.ArgumentParser:
     sub.set_defaults(run=_bifurcation)
     cli_surrogates.add_commands(commands, _number, _whole)
     cli_refine.add_command(command, run_options, _whole, (_design, _settings, _say_compiling))
+    cli_models.add_commands(commands, _whole)
     return parser
 
 
@@ -240,7 +241,7 @@ def _count(result):
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the command line; returns the exit code: 0, or 2 for bad input."""
+    """Run the command line; returns the exit code: 0, 1 where ``spab verify`` finds something wrong, or 2 for bad input."""
     parser = _build_parser()
     args = parser.parse_args(argv)
     try:
@@ -256,7 +257,7 @@ def main(argv: list[str] | None = None) -> int:
         return 2
     if args.json:
         print(json.dumps(answer, allow_nan=False))
-    return 0
+    return 1 if answer.get("passed") is False else 0
 
 
 if __name__ == "__main__":

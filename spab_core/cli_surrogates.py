@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import sys
@@ -9,10 +10,11 @@ import sys
 import numpy as np
 from tqdm import tqdm
 
-from spab_core.artifacts import load_reference_map
+from spab_core.artifacts import ARTIFACTS, load_reference_map
 from spab_core.classifier import predict_regimes
 from spab_core.design import InputError, check_number, check_output, write_atomically
 from spab_core.evaluation import SEEDS, errors, evaluate, ranking, suggestion, table
+from spab_core.pretrained import find_model, predict_with
 from spab_core.simulate import check_point
 from spab_core.stability_map import StabilityMap, load_map, npz_bytes
 from spab_core.surrogates import (
@@ -21,7 +23,6 @@ from spab_core.surrogates import (
     SPLITS,
     Model,
     model,
-    predict_map,
 )
 from spab_core.uncertainty import CONFIDENCE, TooFewCells, uncertain_map
 
@@ -48,7 +49,7 @@ def add_commands(commands, number, whole) -> None:
     sub.add_argument("--out", metavar="FILE.csv", help="write the scores, one row a training")
     sub.set_defaults(run=_evaluate)
 
-    sub = command("predict", "train a surrogate on some cells of a map and predict a point or the whole map")
+    sub = command("predict", "predict a point or the whole map by a surrogate: shipped, trained before on this machine, or now")
     sub.add_argument("--model", required=True, help=", ".join(MODELS))
     sub.add_argument("--divisor", type=whole, default=2, help="train on n/DIVISOR of the cells")
     sub.add_argument("--seed", type=whole, default=0, help="of the draw of the training cells and of the model")
@@ -56,6 +57,16 @@ def add_commands(commands, number, whole) -> None:
     sub.add_argument("--bearing-number", type=number)
     sub.add_argument("--out", metavar="FILE.npz", help="write the predicted map: mle, trained, and the axes")
     sub.set_defaults(run=_predict)
+
+
+@contextlib.contextmanager
+def step_bar():
+    """A bar for what takes more than half a second; yields a function of the steps done and the steps in all."""
+    with tqdm(unit="step", leave=False, delay=0.5) as bar:
+        def step(done, total):
+            bar.total = total
+            bar.update(done - bar.n)
+        yield step
 
 
 def _load(args) -> StabilityMap:
@@ -133,11 +144,17 @@ def _predict(args) -> dict:
             print(f"spab: the point lies outside the map (bearing number {number[0]:g} to {number[1]:g}, rotor mass "
                   f"{mass[0]:g} to {mass[1]:g} kg): the model extrapolates", file=sys.stderr)
         answer["inside_map"] = all(inside)
-    predicted = predict_map(m, kind, args.divisor, args.seed)
+    with step_bar() as step:
+        found = find_model(m, kind, args.divisor, args.seed, folder=ARTIFACTS if args.map is None else None, progress=step)
+    for note in found.notes:
+        print(f"spab: {note}", file=sys.stderr)
+    predicted = predict_with(m, found.surrogate, args.divisor)
     answer |= {name: value for name, value in errors(m, predicted).items() if name.endswith("held_out")}
-    answer |= {"model": kind.name, "training_cells": predicted.surrogate.training_cells,
-               "train_seconds": predicted.surrogate.seconds, "converged": predicted.surrogate.converged}
-    text = [f"{kind.label} trained on {predicted.surrogate.training_cells:,} cells in {predicted.surrogate.seconds:.2f} s"]
+    new = found.origin == "trained"
+    answer |= {"model": kind.name, "training_cells": predicted.surrogate.training_cells, "origin": found.origin,
+               "train_seconds": predicted.surrogate.seconds if new else None, "converged": predicted.surrogate.converged}
+    text = [f"{kind.label} trained on {predicted.surrogate.training_cells:,} cells "
+            + (f"in {predicted.surrogate.seconds:.2f} s" if new else f"({found.origin})")]
     if "rmse_held_out" in answer:
         text.append(f"held-out RMSE {answer['rmse_held_out']:.4f}, MAE {answer['mae_held_out']:.4f} per revolution")
     if point[0] is not None:

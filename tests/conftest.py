@@ -16,6 +16,18 @@ SMALL = Mesh(3, 24)
 ROOT = Path(__file__).resolve().parent.parent
 
 
+@pytest.fixture(scope="session", autouse=True)
+def own_model_cache(tmp_path_factory):
+    """Models that tests train are kept apart from the user's."""
+    before = os.environ.get("SPAB_CACHE")
+    os.environ["SPAB_CACHE"] = str(tmp_path_factory.mktemp("models") / "cache")
+    yield
+    if before is None:
+        del os.environ["SPAB_CACHE"]
+    else:
+        os.environ["SPAB_CACHE"] = before
+
+
 @pytest.fixture(scope="session")
 def design():
     return reference_design()

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import math
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pandas as pd
 import plotly.graph_objects as go
 import streamlit as st
+from streamlit.runtime.scriptrunner import add_script_run_ctx, get_script_run_ctx
 
-from spab_core.artifacts import ARTIFACTS, REFERENCE_MAP, ArtifactError, checked_path, load_reference_map
+from spab_core.artifacts import ARTIFACTS, PREDICTIONS, REFERENCE_MAP, ArtifactError, checked_path, load_reference_map
 from spab_core.design import Design, InputError
 from spab_core.figures import map_figure, mark_cell, mark_point
 from spab_core.integrate import is_compiled
 from spab_core.point import OperatingPoint, solve_point
+from spab_core.pretrained import ServedMap, find_map
 from spab_core.simulate import Settings
 from spab_core.stability_map import StabilityMap
-from spab_core.surrogates import PredictedMap, model, predict_map
+from spab_core.surrogates import model
 from spab_core.uncertainty import MapUncertainty, uncertain_map
 
 BLOCK_SCORES = "surrogate_scores_blocks.csv"
@@ -47,9 +51,9 @@ def _map(stamp: float) -> StabilityMap:
     return load_reference_map()
 
 
-def _stamp() -> float:
+def _stamp(name: str = REFERENCE_MAP) -> float:
     try:
-        return (ARTIFACTS / REFERENCE_MAP).stat().st_mtime
+        return (ARTIFACTS / name).stat().st_mtime
     except OSError:
         return 0.0  # the loader says what is missing
 
@@ -84,15 +88,40 @@ def live_point(design: Design, rotor_mass: float, bearing_number: float) -> Oper
         return _solve(design, rotor_mass, bearing_number, LIVE)
 
 
-@st.cache_resource(max_entries=40, show_spinner=False)
-def _predict(stamp: float, name: str, divisor: int, seed: int) -> PredictedMap:
-    return predict_map(_map(stamp), model(name), divisor, seed)
+@st.cache_resource(show_spinner=False)
+def _predicted() -> dict[tuple, ServedMap]:
+    return {}  # filled by hand: a cached function may not draw on the page, and training tells its progress there
 
 
-def predicted_map(name: str, divisor: int, seed: int) -> PredictedMap:
-    """The reference map predicted from 1/divisor of its cells, now or out of the last forty. Raises ``InputError``."""
-    with st.spinner(f"Training: {model(name).label} on n/{divisor} of the cells …"):
-        return _predict(_stamp(), name, divisor, seed)
+def predicted_map(name: str, divisor: int, seed: int) -> ServedMap:
+    """The reference map predicted from 1/divisor of its cells: shipped, or out of the last forty, or trained now with progress.
+
+    Raises ``InputError``.
+    """
+    known, key = _predicted(), (_stamp(), _stamp(PREDICTIONS), name, divisor, seed)
+    found = known.get(key)
+    if found is None:
+        m, kind, context, place = reference_map(), model(name), get_script_run_ctx(), st.empty()
+
+        def show(done: int, total: int) -> None:
+            add_script_run_ctx(threading.current_thread(), context)  # trees are counted on another thread
+            place.progress(done / total, f"Training: {kind.label} on n/{divisor} of the cells …")
+
+        found = known[key] = find_map(m, kind, divisor, seed, folder=ARTIFACTS, progress=show)
+        place.empty()
+        for old in list(known)[:-40]:
+            known.pop(old, None)
+    return found
+
+
+def time_text(predicted: ServedMap) -> str:
+    """How long training and predicting took, and where."""
+    train, predict = predicted.surrogate.seconds, predicted.predict_seconds
+    if predicted.origin == "shipped":
+        told = "" if math.isnan(train) else f"; training took {train:.2f} s, the whole map {predict:.2f} s, as measured once"
+        return f"Predicted beforehand and shipped with spab{told}."
+    begin = f"Trained in {train:.2f} s" if predicted.origin == "trained" else "Trained before"
+    return f"{begin} on this machine, the whole map predicted in {predict:.2f} s."
 
 
 @st.cache_resource(max_entries=16, show_spinner=False)

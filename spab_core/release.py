@@ -1,0 +1,301 @@
+"""Everything of artifacts/ that is computed from the map: rebuilt to the bit, and verified."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import joblib
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from spab_core.artifacts import (
+    ARTIFACTS,
+    BIFURCATIONS,
+    PREDICTIONS,
+    REFERENCE_MAP,
+    SCORES,
+    ArtifactError,
+    checked_bytes,
+    load_reference_bifurcation,
+    load_reference_map,
+    load_reference_scores,
+    present_files,
+    read_manifest,
+    write_manifest,
+)
+from spab_core.design import Design, InputError, reference_design, write_atomically
+from spab_core.evaluation import SEEDS, errors, evaluate
+from spab_core.pretrained import (
+    SEED,
+    describe,
+    difference,
+    dump,
+    load_shipped_map,
+    load_shipped_model,
+    made_from,
+    mask_hash,
+    model_file,
+    model_source,
+    predict_with,
+    train_on_map,
+)
+from spab_core.stability_map import StabilityMap, load_map, npz_bytes, save_map
+from spab_core.surrogates import DIVISORS, MODELS, Model, training_mask
+
+# tables of errors by file: the models in them (None: all), and what evaluation.evaluate is asked besides
+TABLES: dict[str, tuple[tuple[str, ...] | None, dict]] = {SCORES: (None, {})}
+MAX_MODEL_BYTES = 2_000_000  # a larger model is trained on first use
+MAX_FOLDER_BYTES = 20_000_000  # of artifacts/ in all
+STEP = 2.0**-16  # of a shipped exponent, per revolution
+TOLERANCE = STEP  # per revolution, between a shipped map and what its model predicts, on another processor too
+_COMPRESSION = 10  # more than xz ever gains on a model
+
+
+def _ship(m: StabilityMap, name: str, divisor: int) -> tuple[np.ndarray, dict, bytes | None]:
+    """Predicted map, what is said of the model, and its file unless it is too large or an interpolation, which has none."""
+    kind = MODELS[name]
+    predicted = train_on_map(m, kind, divisor, SEED)
+    surrogate, data = predicted.surrogate, None
+    if kind.group != "interpolation" and len(dump(surrogate, 0)) <= _COMPRESSION * MAX_MODEL_BYTES:
+        data = dump(surrogate)
+    return rounded(predicted.mle), describe(surrogate), data
+
+
+def rounded(mle: np.ndarray) -> np.ndarray:
+    """Exponents as they are shipped: float32, to the nearest :data:`STEP`, which takes a third off the file."""
+    return (np.round(mle / STEP) * STEP).astype(np.float32)
+
+
+def _choose(files: dict[str, dict[int, bytes | None]], room: int) -> dict[tuple[str, int], bytes]:
+    """The models to ship, the smallest kinds first, as long as there is room."""
+    small = {name: {k: data for k, data in by_divisor.items() if data is not None and len(data) <= MAX_MODEL_BYTES}
+             for name, by_divisor in files.items()}
+    chosen = {}
+    for name in sorted(small, key=lambda name: (sum(map(len, small[name].values())), name)):
+        for divisor, data in sorted(small[name].items()):
+            if len(data) <= room:
+                chosen[name, divisor] = data
+                room -= len(data)
+    return chosen
+
+
+def rebuild(m: StabilityMap, folder: Path = ARTIFACTS, *, models: Sequence[Model] = tuple(MODELS.values()),
+            divisors: Sequence[int] = DIVISORS, seeds: Sequence[int] = SEEDS, workers: int = 1,
+            progress: Callable[[int], None] | None = None) -> dict[str, int]:
+    """Train everything that is shipped and write it: scores, predicted maps, the small models, the manifest.
+
+    The same map and versions give the same bytes, on one process or several. The manifest is written last, so an interrupted
+    run leaves files that are refused.
+
+    Parameters
+    ----------
+    m : StabilityMap
+    folder : Path
+        Gets the map too where it has none.
+    models : sequence of Model
+    divisors, seeds : sequence of int
+        Of the scores; predicted maps and models are those of seed :data:`pretrained.SEED`.
+    workers : int
+        Processes.
+    progress : callable
+        Called with the number of trainings done since the last call; there are ``trainings(...)``.
+
+    Returns
+    -------
+    dict
+        Bytes of each file written.
+
+    Raises
+    ------
+    InputError
+        Where the folder holds another map, or the map has too few cells.
+    """
+    source = made_from(m)
+    if (folder / REFERENCE_MAP).exists() and difference(source, made_from(load_map(folder / REFERENCE_MAP))):
+        raise InputError(f"{folder} holds another map, {REFERENCE_MAP}: give an empty folder")
+    count = int(np.isfinite(m.mle).sum())
+    for divisor in divisors:
+        training_mask(count, divisor, SEED)  # too few cells: said before an hour of training
+    run = joblib.Parallel(n_jobs=workers, return_as="generator")
+    with joblib.parallel_config(backend="loky", inner_max_num_threads=1), threadpool_limits(1):
+        tables = {name: evaluate(m, kinds, divisors, seeds, workers=workers, progress=progress, **options)
+                  for name, kinds, options in _tables(models)}
+    jobs = [(kind.name, divisor) for kind in models for divisor in divisors]
+    maps: dict[str, list] = {kind.name: [] for kind in models}
+    about: dict[str, list] = {kind.name: [] for kind in models}
+    files: dict[str, dict] = {kind.name: {} for kind in models}
+    for (name, divisor), (mle, words, data) in zip(jobs, run(joblib.delayed(_ship)(m, *job) for job in jobs), strict=True):
+        maps[name].append(mle)
+        about[name].append(words)
+        files[name][divisor] = data
+        if progress:
+            progress(1)
+    metadata = {"seed": SEED, "divisors": list(divisors), "design": source["design"], "map": source["map"], "models": about,
+                "masks": [_drawn(m, divisor) for divisor in divisors], "mle_unit": "per revolution, natural logarithm",
+                "dimensions": ["divisor", "bearing_number", "rotor_mass"]}
+    arrays = {"bearing_number": m.bearing_number, "rotor_mass": m.rotor_mass}
+    arrays |= {name: np.stack(layers) for name, layers in maps.items()}
+    written = {
+        name: scores[[c for c in scores.columns if not c.endswith("_seconds")]].to_csv(index=False).encode()
+        for name, scores in tables.items()}
+    written[PREDICTIONS] = npz_bytes(arrays | {"metadata": np.array(json.dumps(metadata, sort_keys=True))})
+    sources = dict.fromkeys(written, source)
+    others = sum((folder / name).stat().st_size for name in present_files(folder)
+                 if name not in written and not _is_model(name))
+    room = MAX_FOLDER_BYTES - others - sum(map(len, written.values())) - 200_000  # the manifest
+    for (name, divisor), data in _choose(files, room).items():
+        path = model_file(MODELS[name], divisor)
+        written[path] = data
+        sources[path] = model_source(m, MODELS[name], divisor, SEED) | about[name][list(divisors).index(divisor)]
+    for name in present_files(folder):
+        if _is_model(name) and name not in written:
+            (folder / name).unlink()
+    if not (folder / REFERENCE_MAP).exists():
+        save_map(m, folder / REFERENCE_MAP)
+    for name, data in written.items():
+        write_atomically(folder / name, data)
+    write_manifest(folder, sources)
+    return {name: len(data) for name, data in written.items()}
+
+
+def trainings(models: Sequence[Model], divisors: Sequence[int], seeds: Sequence[int]) -> int:
+    """How many trainings :func:`rebuild` makes."""
+    rows = sum(len(kinds) for _, kinds, _ in _tables(models)) * len(divisors) * len(seeds)
+    return rows + len(models) * len(divisors)
+
+
+def _tables(models: Sequence[Model]) -> list[tuple[str, list[Model], dict]]:
+    """File, models and options of each table that has any of the models."""
+    found = [(name, [kind for kind in models if names is None or kind.name in names], options)
+             for name, (names, options) in TABLES.items()]
+    return [job for job in found if job[1]]
+
+
+def _is_model(name: str) -> bool:
+    return name.startswith("surrogate_") and name.endswith(".joblib")
+
+
+def _drawn(m: StabilityMap, divisor: int) -> str:
+    solved = np.flatnonzero(np.isfinite(m.mle))
+    trained = np.zeros(m.mle.size, bool)
+    trained[solved[training_mask(len(solved), divisor, SEED)]] = True
+    return mask_hash(trained)
+
+
+@dataclass(frozen=True)
+class Check:
+    """One check of a folder of shipped files.
+
+    Attributes
+    ----------
+    name : str
+        What was checked.
+    problem : str
+        What is wrong; "" where nothing is.
+    """
+
+    name: str
+    problem: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing is wrong."""
+        return not self.problem
+
+
+def verify(folder: Path = ARTIFACTS) -> Iterator[Check]:
+    """Check a folder of shipped files, one answer after the other.
+
+    Names and checksums; map, lines, scores and predicted maps readable and of one another; versions, design, map and code of
+    each model, before it is opened; that the models predict the shipped maps, and the scores are those of the shipped maps.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Yields
+    ------
+    Check
+    """
+    try:
+        files = read_manifest(folder)
+        present = present_files(folder)
+    except (ArtifactError, OSError) as error:
+        yield Check("manifest", str(error))
+        return
+    unnamed = sorted(set(present) - set(files))
+    yield Check("every file is named in the manifest", f"not named: {', '.join(unnamed)}" if unnamed else "")
+    for name in sorted(files):
+        yield _checked(f"SHA-256 of {name}", checked_bytes, name, folder)
+    try:
+        m = load_reference_map(folder)
+    except InputError as error:
+        yield Check(REFERENCE_MAP, str(error))
+        return
+    yield Check(f"{REFERENCE_MAP}: design of the reference bearing",
+                "" if m.design == reference_design() else "the map is of another design")
+    for name in BIFURCATIONS:
+        if name in files:
+            yield _checked(f"{name}: a line of the reference bearing", _check_line, name, folder)
+    source = made_from(m)
+    for name in (*TABLES, PREDICTIONS):
+        apart = difference(files[name].get("made_from"), source) if name in files else "it is missing"
+        yield Check(f"{name}: versions, code, design, map", f"{apart}; `spab train --all` makes it again" if apart else "")
+    yield _checked(f"{SCORES}: every model and fraction, and the errors of the shipped maps", _check_scores, m, folder)
+    yield _checked(f"{PREDICTIONS}: every model and fraction", _check_maps, m, folder)
+    for name in filter(_is_model, sorted(files)):
+        yield _checked(f"{name}: versions, code, design, map; predicts the shipped map", _check_model, m, name,
+                       files[name].get("made_from"), folder)
+    size = sum((folder / name).stat().st_size for name in present)
+    yield Check(f"{size / 1e6:.1f} MB in all, at most {MAX_FOLDER_BYTES / 1e6:g}",
+                "" if size <= MAX_FOLDER_BYTES else "too large for the repository")
+
+
+def _checked(name: str, check: Callable[..., object], *args) -> Check:
+    try:
+        check(*args)
+    except (ValueError, KeyError, TypeError) as error:  # InputError, and what a table of other columns raises
+        return Check(name, str(error) or type(error).__name__)
+    return Check(name)
+
+
+def _check_line(name, folder):
+    if Design.from_dict(load_reference_bifurcation(name, folder).metadata["design"]) != reference_design():
+        raise ArtifactError("the line is of another design")
+
+
+def _check_maps(m, folder):
+    for kind in MODELS.values():
+        for divisor in DIVISORS:
+            load_shipped_map(m, kind, divisor, SEED, folder)
+
+
+def _check_scores(m, folder):
+    scores = load_reference_scores(folder).set_index(["model", "divisor", "seed"])
+    if not scores.index.is_unique or not np.isfinite(scores["rmse_held_out"]).all():
+        raise ArtifactError("there are double rows, or errors that are no numbers")
+    for kind in MODELS.values():
+        for divisor in DIVISORS:
+            if (kind.name, divisor, SEED) not in scores.index:
+                raise ArtifactError(f"{kind.name} n/{divisor} is missing; `spab train --all` makes it again")
+            row = scores.loc[kind.name, divisor, SEED]
+            for column, value in errors(m, load_shipped_map(m, kind, divisor, SEED, folder)).items():
+                if abs(float(row[column]) - value) > TOLERANCE:
+                    raise ArtifactError(f"{kind.name} n/{divisor}: {column} is {row[column]:.6g} in the table and {value:.6g} "
+                                        "for the shipped map; `spab train --all` makes both again")
+
+
+def _check_model(m, name, noted, folder):
+    noted = noted if isinstance(noted, dict) else {}
+    kind, divisor = MODELS.get(str(noted.get("model"))), noted.get("divisor")
+    if kind is None or not isinstance(divisor, int) or name != model_file(kind, divisor):
+        raise ArtifactError("the manifest does not say what it was made from: it is never opened; `spab train --all` makes the "
+                            "models again, `git clean` removes what is not of the repository")
+    predicted = predict_with(m, load_shipped_model(m, kind, divisor, SEED, folder), divisor)
+    shipped = load_shipped_map(m, kind, divisor, SEED, folder)
+    apart = float(np.nanmax(np.abs(predicted.mle - shipped.mle)))
+    if not apart <= TOLERANCE:
+        raise ArtifactError(f"it predicts up to {apart:.3g} per revolution from the shipped map")

@@ -1,0 +1,352 @@
+"""Trained models are opened only where every check holds; everything else is refused in words and trained again."""
+
+import dataclasses
+import io
+import json
+import os
+import pickle
+import re
+import stat
+from pathlib import Path
+
+import joblib
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from spab_core import model_cache
+from spab_core.artifacts import PREDICTIONS, ArtifactError, read_manifest, write_manifest
+from spab_core.pretrained import (
+    LIBRARIES,
+    RECIPE,
+    cache_name,
+    design_hash,
+    difference,
+    dump,
+    find_map,
+    find_model,
+    load_shipped_map,
+    load_shipped_model,
+    map_hash,
+    model_file,
+    model_source,
+    train_on_map,
+    versions,
+)
+from spab_core.release import STEP, rebuild, rounded
+from spab_core.surrogates import MODELS, model
+from tests.unit.test_surrogates import map_of, with_hole
+
+TREE = model("tree")
+TREE_FILE = model_file(TREE, 2)
+
+
+class Bomb:
+    """Makes a file when it is unpickled."""
+
+    def __init__(self, marker):
+        self.marker = str(marker)
+
+    def __reduce__(self):
+        return os.mkdir, (self.marker,)
+
+
+def bomb(marker):
+    buffer = io.BytesIO()
+    joblib.dump(Bomb(marker), buffer, compress=("xz", 6))
+    return buffer.getvalue()
+
+
+def wave(number, mass):
+    return np.sin(number) * mass / 25.0 - 0.1
+
+
+@pytest.fixture(scope="module")
+def m():
+    return with_hole(map_of(wave))
+
+
+@pytest.fixture(scope="module")
+def shipped(tmp_path_factory, m):
+    folder = tmp_path_factory.mktemp("shipped")
+    rebuild(m, folder, models=[MODELS[k] for k in ("tree", "mlp", "linear")], divisors=(2, 4), seeds=(0, 1))
+    return folder
+
+
+@pytest.fixture
+def folder(tmp_path, shipped):
+    """A copy to spoil."""
+    target = tmp_path / "shipped"
+    target.mkdir()
+    for path in shipped.iterdir():
+        (target / path.name).write_bytes(path.read_bytes())
+    return target
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("SPAB_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def edit_manifest(folder, change):
+    manifest = json.loads((folder / "manifest.json").read_text())
+    change(manifest["files"])
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+
+
+@pytest.mark.parametrize("name", ["tree", "mlp"])
+def test_a_shipped_model_and_map_are_what_training_gives(m, shipped, name):
+    trained = train_on_map(m, model(name), 4)
+    loaded = load_shipped_model(m, model(name), 4, folder=shipped)
+    assert np.array_equal(loaded.predict(*np.meshgrid(m.bearing_number, m.rotor_mass, indexing="ij"))[np.isfinite(m.mle)],
+                          trained.mle[np.isfinite(m.mle)])
+    assert (loaded.training_cells, loaded.converged) == (trained.surrogate.training_cells, trained.surrogate.converged)
+    served = load_shipped_map(m, model(name), 4, folder=shipped)
+    assert np.array_equal(served.mle, rounded(trained.mle), equal_nan=True) and served.origin == "shipped"
+    assert np.nanmax(np.abs(served.mle - trained.mle)) <= STEP / 2
+    assert np.array_equal(served.trained, trained.trained) and served.surrogate.training_cells == trained.trained.sum()
+    assert served.surrogate.predict(3.3, 7.0) == trained.surrogate.predict(3.3, 7.0)  # opened when asked
+
+
+def test_interpolations_ship_a_map_and_no_model(m, shipped):
+    assert load_shipped_map(m, model("linear"), 2, folder=shipped).mle.shape == m.shape
+    with pytest.raises(ArtifactError, match="is not shipped"):
+        load_shipped_model(m, model("linear"), 2, folder=shipped)
+
+
+def test_a_flipped_byte_or_another_file_is_refused_before_it_is_opened(m, folder, tmp_path):
+    good, marker = (folder / TREE_FILE).read_bytes(), tmp_path / "opened"
+    for data in (good[:100] + bytes([good[100] ^ 1]) + good[101:], bomb(marker)):
+        (folder / TREE_FILE).write_bytes(data)
+        with pytest.raises(ArtifactError, match="SHA-256"):
+            load_shipped_model(m, TREE, 2, folder=folder)
+    write_manifest(folder)  # `make manifest` names the bytes, but not what they were made from
+    with pytest.raises(ArtifactError, match="nothing is noted"):
+        load_shipped_model(m, TREE, 2, folder=folder)
+    assert not marker.exists()
+    forged = model_source(m, TREE, 2, 0) | {"training_cells": 125, "converged": None}
+    write_manifest(folder, {TREE_FILE: forged})  # whoever writes the manifest is trusted: docs/artifacts.md
+    with pytest.raises(ArtifactError, match="no model"):
+        load_shipped_model(m, TREE, 2, folder=folder)
+    assert marker.exists()  # so this test can fail
+
+
+def changed(source, path, value):
+    *outer, last = path
+    inner = source
+    for key in outer:
+        inner = inner[key]
+    inner[last] = value
+
+
+@pytest.mark.parametrize("path, value, words", [
+    *((("versions", name), "0.1", [f"made with {name} 0.1 and this is {name} {versions()[name]}"])
+      for name in ("python", *LIBRARIES)),
+    (("versions",), None, ["python"]),
+    (("design",), "0" * 64, ["another design"]), (("map",), "0" * 64, ["another map"]), (("recipe",), "0", ["code"]),
+    (("model",), "forest", ["model", "forest"]), (("divisor",), 3, ["divisor", "3"]), (("seed",), 1, ["seed", "1"]),
+])
+def test_another_origin_is_refused_before_it_is_opened(m, folder, tmp_path, cache, path, value, words):
+    (folder / TREE_FILE).write_bytes(bomb(tmp_path / "opened"))
+    source = model_source(m, TREE, 2, 0)
+    source["versions"] = dict(source["versions"])
+    changed(source, path, value)
+    write_manifest(folder, {TREE_FILE: source | {"training_cells": 125, "converged": None}})
+    with pytest.raises(ArtifactError) as error:
+        load_shipped_model(m, TREE, 2, folder=folder)
+    for word in [*words, "is not opened", "spab train --model tree --divisor 2"]:
+        assert word in str(error.value)
+    found = find_model(m, TREE, 2, folder=folder)  # trained again instead, and said
+    assert found.origin == "trained" and words[0] in found.notes[0]
+    assert not (tmp_path / "opened").exists()
+
+
+json_values = st.recursive(st.none() | st.booleans() | st.integers() | st.text(max_size=5),
+                           lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(
+                               ["versions", "python", "map", "design", "seed"]), inner, max_size=4), max_leaves=8)
+
+
+@given(json_values)
+def test_no_foreign_note_passes(noted):
+    wanted = {"versions": {"python": "3.11", "numpy": "2.4"}, "design": "a", "map": "b", "seed": 0}
+    assert isinstance(difference(noted, wanted), str)
+    assert difference(wanted | {"more": noted}, wanted) is None
+
+
+def test_hashes_tell_cells_and_designs_apart_and_nothing_else(m):
+    assert map_hash(m) == map_hash(dataclasses.replace(m, metadata={"date": "another"}))
+    assert map_hash(m) == map_hash(dataclasses.replace(m, mle=np.asfortranarray(m.mle)))
+    cell = m.mle.copy()
+    cell[0, 0] = np.nextafter(cell[0, 0], 9.0)
+    assert map_hash(m) != map_hash(dataclasses.replace(m, mle=cell))
+    assert map_hash(m) != map_hash(dataclasses.replace(m, rotor_mass=m.rotor_mass + 1e-9))
+    assert design_hash(m.design) != design_hash(m.design.replace(bearing__clearance=34e-6))
+
+
+def test_code_of_this_project_in_model_files_is_in_the_recipe(m):
+    """A class of ours in a pickle whose module is not hashed could change under the file."""
+    for kind in MODELS.values():
+        found = set(re.findall(rb"spab_core\.(\w+)", pickle.dumps(train_on_map(m, kind, 4).surrogate.estimator)))
+        assert found <= {name.encode() for name in (*RECIPE, "design")}, kind.name
+
+
+def test_predicted_maps_of_other_cells_or_maps_are_not_shown(m, folder):
+    with pytest.raises(ArtifactError, match="another map"):
+        load_shipped_map(map_of(wave), TREE, 2, folder=folder)
+    with pytest.raises(ArtifactError, match="seed"):
+        load_shipped_map(m, TREE, 2, seed=1, folder=folder)
+    with pytest.raises(ArtifactError, match="n/3 is not in"):
+        load_shipped_map(m, TREE, 3, folder=folder)
+    with pytest.raises(ArtifactError, match="Random forest"):
+        load_shipped_map(m, model("forest"), 2, folder=folder)
+    with np.load(folder / PREDICTIONS) as data:
+        arrays = dict(data)
+    metadata = json.loads(str(arrays["metadata"]))
+    for spoilt, words in ((metadata | {"masks": ["0"] * 2}, "draws other training cells"), ([], "nothing is noted"),
+                          (metadata | {"masks": []}, "is not in"), (metadata | {"divisors": 7}, "is not in")):
+        np.savez(folder / PREDICTIONS, **(arrays | {"metadata": np.array(json.dumps(spoilt))}))
+        write_manifest(folder)
+        with pytest.raises(ArtifactError, match=words):
+            load_shipped_map(m, TREE, 2, folder=folder)
+    np.savez(folder / PREDICTIONS, **(arrays | {"tree": np.array([object()], dtype=object)}))  # a pickle inside
+    write_manifest(folder)
+    with pytest.raises(ArtifactError, match="is not in"):
+        load_shipped_map(m, TREE, 2, folder=folder)
+
+
+def test_a_map_without_shipped_predictions_is_trained_and_says_why(m, shipped, cache):
+    other = map_of(wave)
+    found = find_map(other, TREE, 2, folder=shipped)
+    assert found.origin == "trained" and "another map" in found.note
+    assert np.array_equal(found.mle, train_on_map(other, TREE, 2).mle)
+    again = find_map(other, TREE, 2, folder=shipped)
+    assert again.origin == "kept" and np.array_equal(again.mle, found.mle) and np.array_equal(again.trained, found.trained)
+    drawn = find_map(m, TREE, 2, seed=5, folder=shipped)  # never shipped: nothing to excuse
+    assert drawn.origin == "trained" and drawn.note == ""
+    assert find_map(m, TREE, 2, folder=shipped).origin == "shipped"
+
+
+def test_progress_counts_trees_and_changes_no_bit(m):
+    steps = []
+    forest = model("forest")
+    counted = train_on_map(m, forest, 4, 3, lambda done, total: steps.append((done, total)))
+    assert [done for done, _ in steps] == sorted(done for done, _ in steps) and {total for _, total in steps} == {100}
+    assert steps[0] == (0, 100) and steps[-1] == (100, 100) and len(set(steps)) == 101
+    plain = train_on_map(m, forest, 4, 3)
+    assert np.array_equal(counted.mle, plain.mle, equal_nan=True) and dump(counted.surrogate) == dump(plain.surrogate)
+
+
+# the cache of this machine
+
+def kept_files(m, kind=TREE, divisor=2, seed=0):
+    path = model_cache.wanted_folder() / cache_name(m, kind, divisor, seed)
+    return path, path.with_name(f"{path.name}.json")
+
+
+def test_a_model_is_trained_once_and_kept_in_a_private_folder(m, tmp_path, cache):
+    first, second = (find_model(m, model("forest"), 4, folder=tmp_path) for _ in range(2))
+    assert (first.origin, second.origin) == ("trained", "kept") and not first.notes and not second.notes
+    points = np.linspace(1.0, 8.0, 20), np.linspace(2.0, 24.0, 20)
+    assert np.array_equal(first.surrogate.predict(*points), second.surrogate.predict(*points))
+    assert stat.S_IMODE(cache.stat().st_mode) == 0o700
+    other = map_of(wave)
+    assert find_model(other, model("forest"), 4, folder=tmp_path).origin == "trained"
+    assert find_model(m, model("forest"), 4, folder=tmp_path).origin == "kept"  # maps do not drive each other out
+
+
+def spoil(m, how, marker):
+    path, side = kept_files(m)
+    noted = json.loads(side.read_text())
+    if how == "flipped byte":
+        path.write_bytes(path.read_bytes()[:-9] + b"x" + path.read_bytes()[-8:])
+    elif how == "foreign file":
+        path.write_bytes(bomb(marker))
+    elif how == "side file gone":
+        path.write_bytes(bomb(marker))
+        side.unlink()
+    elif how == "side file damaged":
+        path.write_bytes(bomb(marker))
+        side.write_text(side.read_text()[:-20])
+    elif how == "link":
+        path.rename(path.with_name("elsewhere"))
+        path.symlink_to("elsewhere")
+    elif how == "pipe":
+        path.unlink()
+        os.mkfifo(path)
+    else:  # scikit-learn, map
+        path.write_bytes(bomb(marker))
+        changed(noted["made_from"], how, "1.0")
+        model_cache.write(path, path.read_bytes(), noted["made_from"])
+
+
+@pytest.mark.parametrize("how, words", [
+    ("flipped byte", "SHA-256"), ("foreign file", "SHA-256"), ("side file gone", None), ("side file damaged", "side file"),
+    ("link", "is not opened"), ("pipe", "no regular file"), (("versions", "scikit-learn"), "scikit-learn 1.0"),
+    (("map",), "another map")], ids=str)
+def test_a_spoilt_file_in_the_cache_is_trained_again_and_never_opened(m, tmp_path, cache, how, words):
+    find_model(m, TREE, 2, folder=tmp_path)
+    spoil(m, how, tmp_path / "opened")
+    found = find_model(m, TREE, 2, folder=tmp_path)
+    assert found.origin == "trained" and not (tmp_path / "opened").exists()
+    assert words is None or words in found.notes[0]
+    assert find_model(m, TREE, 2, folder=tmp_path).origin == "kept"  # mended
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reason="only root can give files away")
+@pytest.mark.parametrize("part", ["folder", "file"])
+def test_what_belongs_to_another_user_is_not_opened(m, tmp_path, cache, part):
+    find_model(m, TREE, 2, folder=tmp_path)
+    path, side = kept_files(m)
+    model_cache.write(path, bomb(tmp_path / "opened"), json.loads(side.read_text())["made_from"])
+    os.chown(cache if part == "folder" else path, 12345, 12345)
+    found = find_model(m, TREE, 2, folder=tmp_path)
+    assert found.origin == "trained" and "yours" in found.notes[0] and not (tmp_path / "opened").exists()
+
+
+@pytest.mark.parametrize("place", ["open to others", "a file", "no folder can be made", "no home"])
+def test_without_a_private_folder_models_are_trained_and_not_kept(m, tmp_path, monkeypatch, cache, place):
+    if place == "open to others":
+        cache.mkdir()
+        cache.chmod(0o755)
+    elif place == "a file":
+        cache.write_text("")
+    elif place == "no folder can be made":
+        monkeypatch.setenv("SPAB_CACHE", "/dev/null/models")
+    else:
+        def homeless():
+            raise RuntimeError("Could not determine home directory.")
+        monkeypatch.delenv("SPAB_CACHE")
+        monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+        monkeypatch.setattr(Path, "home", homeless)
+    for _ in range(2):
+        found = find_model(m, TREE, 2, folder=tmp_path)
+        assert found.origin == "trained" and len(found.notes) == 1 and "SPAB_CACHE" in found.notes[0]
+    assert not cache.is_dir() or not list(cache.iterdir())
+
+
+def test_which_folder_is_used(monkeypatch, tmp_path):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("SPAB_CACHE", "")
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")
+    assert model_cache.wanted_folder() == tmp_path / ".cache" / "spab"
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "x"))
+    assert model_cache.wanted_folder() == tmp_path / "x" / "spab"
+    monkeypatch.setenv("SPAB_CACHE", str(tmp_path / "y"))
+    assert model_cache.wanted_folder() == tmp_path / "y"
+
+
+def test_the_least_recently_used_models_go_first(monkeypatch, cache):
+    monkeypatch.setattr(model_cache, "MAX_BYTES", 250)
+    for k, name in enumerate(("a.joblib", "b.joblib")):
+        path = model_cache.keep(name, b"x" * 100, {})
+        os.utime(path, (k, k))
+    model_cache.read("a.joblib")  # used now
+    model_cache.keep("c.joblib", b"x" * 100, {})
+    assert sorted(p.name for p in cache.glob("*.joblib")) == ["a.joblib", "c.joblib"] and len(list(cache.iterdir())) == 4
+
+
+def test_the_manifest_keeps_what_it_knows_of_unchanged_files(folder):
+    before = read_manifest(folder)
+    assert write_manifest(folder)["files"] == before and "made_from" in before[TREE_FILE]
