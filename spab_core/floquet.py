@@ -175,6 +175,29 @@ def find_settled(section: np.ndarray, tangent: np.ndarray, growth: np.ndarray,
     return None
 
 
+def repeating_period(section: np.ndarray) -> int | None:
+    """The smallest period after which the section repeats within :data:`DISTANCE`; None where it does not."""
+    return next((p for p in possible_periods(section, DISTANCE) if mismatch(section, p) <= DISTANCE), None)
+
+
+def strong_rate(tangent: np.ndarray, growth: np.ndarray, period: int) -> Settled:
+    """The rate of a strongly damped orbit, from tangents on fine steps of which the first half aligns.
+
+    The leading multiplier where successive tangents obey a recurrence, else the mean growth in the second half.
+
+    Parameters
+    ----------
+    tangent : ndarray, (revolutions, n)
+    growth : ndarray, (revolutions,)
+    period : int
+    """
+    mean = float(growth[len(growth) // 2:].mean())
+    rate, before = leading_rate(tangent, growth, period), leading_rate(tangent[:-1], growth[:-1], period)
+    if rate is None or before is None or abs(rate - mean) > 0.1 * abs(mean):
+        return Settled(period, mean, float(growth[len(growth) // 2:].std(ddof=1) / math.sqrt(len(growth) / 2)))
+    return Settled(period, rate, abs(rate - before))
+
+
 def push(state: np.ndarray, tangent: np.ndarray) -> None:
     """Displace a state along the direction in which it leaves an unstable orbit, in place.
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from spab_core.design import Design, DesignError, check_number
 from spab_core.film import DEFAULT_MESH, SCHEMES, Mesh, build_film, film_size, parse_mesh
-from spab_core.floquet import CHECK_EVERY, MEMORY, Settled, find_settled, is_near, push, window
+from spab_core.floquet import CHECK_EVERY, MEMORY, Settled, find_settled, is_near, push, repeating_period, strong_rate, window
 from spab_core.integrate import (
     DEFAULT_TOLERANCE,
     METHODS,
@@ -31,6 +31,7 @@ ROTOR_MASS_RANGE = (1e-3, 1e3)  # kg
 BEARING_NUMBER_RANGE = (0.01, 50.0)
 ALIGNMENT = 100  # last revolutions of the transient (at most half of it) in which the tangent already runs: on a sheared
 # torus it grows like the time, which leaves a bias of ln(1 + T/a)/T after T measured and a aligning revolutions
+STRONG, FINE_STEPS = -2.0, 768  # rate per revolution under which the tangent is measured again, at so many steps a revolution
 _ATTENTION = 50  # last revolutions of a run without a check: recording paths there must not change where the run stops
 
 Progress = Callable[[int], None]
@@ -43,7 +44,7 @@ class Settings:
     Attributes
     ----------
     mesh : Mesh
-        Latitude x azimuth cells of the half band.
+        Latitudes x azimuths of the half band.
     method : str
         ``rodas`` or ``dtm`` (:mod:`spab_core.integrate`).
     transient, revolutions : int
@@ -54,7 +55,7 @@ class Settings:
         Film differences, ``fitted`` or ``plain`` (:func:`spab_core.film.build_film`).
     early_stop : bool
         Stop where the run has settled on a periodic orbit, and push it off an unstable one in the first half of the transient
-        (:mod:`spab_core.floquet`).
+        (:mod:`spab_core.floquet`); where it decays by more than :data:`STRONG`, measure that on finer steps.
     """
 
     mesh: Mesh = DEFAULT_MESH
@@ -190,10 +191,10 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
     first_tangent = total  # first revolution with a tangent
     settled, rates, pushed = None, dict[int, float](), False
 
-    def run(count, keep=False):
+    def run(count, keep=False, **more):
         nonlocal done, status
         record = build_record(count, samples if keep else 0, film_size(film) + ROTOR_STATES if tangent else 0)
-        options = Options(METHODS.index(settings.method), tolerance, tangent=tangent)
+        options = Options(METHODS.index(settings.method), tolerance, tangent=tangent, **more)
         status, completed = advance(system, memory, options, before + done, count, record)
         done += completed
         records.append(Record(*(a[:completed] for a in record)))
@@ -231,6 +232,15 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
                     memory.control[0] = memory.control[3] = 0.0  # the step is sought anew
                     pushed = True
     measured = window(settled.period) if settled else max(done - transient, 0)
+    if settings.early_stop and settings.method == "rodas" and status == OK and tangent:
+        rate = settled.rate if settled else last("growth", measured).mean()
+        period = repeating_period(last("section", 3 * MEMORY)) if rate < STRONG else None
+        if period is not None:  # its leading modes swing many times a step, and die too fast to be worth short ones before
+            run(2 * CHECK_EVERY, max_step=REVOLUTION / FINE_STEPS, fixed=True)
+            memory.control[0] = memory.control[3] = 0.0
+            if status == OK:
+                settled = strong_rate(records[-1].tangent, records[-1].growth, period)
+                measured = window(settled.period)
     if kept and status == OK:
         run(kept, keep=True)
         measured += len(records[-1].section)
