@@ -25,8 +25,8 @@ def main():
     for (number, mass), found, expected in zip(inputs[wrong], mle[wrong], linear[wrong], strict=True):
         print(f"bearing number {number:.3f}, {mass:6.2f} kg: exponent {found:8.3f}, linear rate {expected:8.3f}")
     cost = np.sqrt(np.sum((mle - linear)[wrong]**2) / len(mle))
-    print(f"{wrong.sum()} of {np.count_nonzero(linear < -2.0)} strongly damped cells; were linear theory right, a perfect "
-          f"surrogate's RMSE over all {len(mle)} cells would be {cost:.4f}")
+    print(f"{wrong.sum()} of {np.count_nonzero(linear < -2.0)} strongly damped cells; were linear theory right there, a "
+          f"perfect surrogate's RMSE over all {len(mle)} cells would be {cost:.4f}")
 
 
 if __name__ == "__main__":
