@@ -287,7 +287,7 @@ def test_save_and_load(tmp_path):
     assert all(np.array_equal(found.values[k], result.values[k], equal_nan=result.values[k].dtype.kind == "f") for k in FIELDS)
     table = found.suggestions()
     assert table["bearing_number"].isin(m.bearing_number).all() and table["rotor_mass_kg"].isin(m.rotor_mass).all()
-    assert set(table["why"]) == {"regime uncertain", "exponent uncertain"} and table["predicted_regime"].isin(LABELS).all()
+    assert set(table["in_doubt"]) == {"regime", "exponent"} and table["predicted_regime"].isin(LABELS).all()
     with np.load(tmp_path / "r.npz") as data:
         assert np.array_equal(data["solved"], result.solved)
 
