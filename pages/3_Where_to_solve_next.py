@@ -42,10 +42,10 @@ with right:
         "rotor_mass_kg": st.column_config.NumberColumn("mass, kg", format="%.4g"),
         "predicted_mle": st.column_config.NumberColumn("MLE", format="%.3f", help="Per revolution, predicted"),
         "deviation": st.column_config.NumberColumn("±", format="%.3f", help="Standard deviation among the trees"),
-        "predicted_regime": "regime",
+        "predicted_regime": st.column_config.Column("regime", width=95),
         "probability_unstable": st.column_config.NumberColumn("unstable", format="%.2f",
                                                               help="Probability of chaos or of a run that fails"),
-        "why": "why"})
+        "in_doubt": "in doubt"})
     st.download_button("Download these points as CSV", suggested.to_csv(index=False), "solve_next.csv", "text/csv", key="csv")
     st.markdown("For a bearing of your own:")
     number, mass = (f"{a[0]:g}:{a[-1]:g}:{len(a)}" for a in (refined.bearing_number, refined.rotor_mass))

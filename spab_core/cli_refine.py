@@ -120,7 +120,7 @@ def _answer(args, result: Refinement, found: dict) -> dict:
                                                  for label, value in zip(labels, found.values(), strict=True)))
         for row in suggested.head(_SHOWN).itertuples():
             print(f"solve next: bearing number {row.bearing_number:g} ({row.speed_rpm:,.0f} rpm), rotor mass "
-                  f"{row.rotor_mass_kg:g} kg: {row.why}, {row.predicted_regime or 'no exponent'} with MLE "
+                  f"{row.rotor_mass_kg:g} kg: {row.in_doubt} in doubt, {row.predicted_regime or 'no exponent'} with MLE "
                   f"{row.predicted_mle:+.3f} ± {row.deviation:.3f} expected")
     return {"out": args.out, "cells": int(result.batch.size), "solved": solved, "without_exponent": failed,
             "predicted_regimes": regimes, "suggested": json.loads(suggested.to_json(orient="records", double_precision=15)),

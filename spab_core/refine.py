@@ -238,7 +238,7 @@ class Refinement:
             "rotor_mass_kg": self.rotor_mass[column], "predicted_mle": self.mle[row, column],
             "deviation": self.deviation[row, column], "predicted_regime": self.regime[row, column],
             "probability_unstable": self.unstable[row, column],
-            "why": np.where(self.suggested_for_regime, "regime uncertain", "exponent uncertain")})
+            "in_doubt": np.where(self.suggested_for_regime, "regime", "exponent")})
 
 
 def check_budget(cells: int, budget: int, seed: int) -> int:

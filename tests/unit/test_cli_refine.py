@@ -29,7 +29,7 @@ def test_a_study_tells_its_errors(capsys, tmp_path, map_file):
     answer = json.loads(capsys.readouterr().out)
     assert answer["solved"] == 100 and answer["cells"] == 252 and sum(answer["predicted_regimes"].values()) == 252
     assert 0.0 < answer["rmse_held_out"] < 0.1 and 0.9 < answer["chaos_f1_held_out"] <= 1.0
-    assert len(answer["suggested"]) == 24 and answer["suggested"][0]["why"].endswith("uncertain")
+    assert len(answer["suggested"]) == 24 and answer["suggested"][0]["in_doubt"] == "exponent"
     result = load_refinement(out)
     assert result.solved.sum() == 100 and result.metadata["study"] is True
     assert main(argv) == 0

@@ -10,7 +10,7 @@ import sys
 import filelock
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from spab_core import Settings
@@ -71,6 +71,7 @@ def assert_same(a, b):
         assert np.array_equal(left, right, equal_nan=left.dtype.kind == "f")
 
 
+@settings(deadline=None)  # what is drawn is tested, not how busy the machine is
 @given(st.integers(1, 12), st.integers(1, 12), st.data())
 def test_a_batch_is_free_cells_exactly_as_many_and_the_same_under_a_seed(rows, columns, data):
     count, seed = rows * columns, data.draw(st.integers(0, 1000))
@@ -117,6 +118,7 @@ def test_cells_are_drawn_where_the_doubt_is():
     assert (cells[for_regime] < count // 10).mean() < 0.3  # the regime is certain everywhere: exploring evenly
 
 
+@settings(deadline=None)
 @given(st.integers(1, 20), st.integers(1, 20), st.integers(0, 50), st.data())
 def test_the_start_is_allowed_cells_exactly_as_many(rows, columns, seed, data):
     allowed = np.random.default_rng(seed).random(rows * columns) < data.draw(st.floats(0.2, 1.0))
@@ -287,7 +289,7 @@ def test_save_and_load(tmp_path):
     assert all(np.array_equal(found.values[k], result.values[k], equal_nan=result.values[k].dtype.kind == "f") for k in FIELDS)
     table = found.suggestions()
     assert table["bearing_number"].isin(m.bearing_number).all() and table["rotor_mass_kg"].isin(m.rotor_mass).all()
-    assert set(table["why"]) == {"regime uncertain", "exponent uncertain"} and table["predicted_regime"].isin(LABELS).all()
+    assert set(table["in_doubt"]) == {"regime", "exponent"} and table["predicted_regime"].isin(LABELS).all()
     with np.load(tmp_path / "r.npz") as data:
         assert np.array_equal(data["solved"], result.solved)
 
