@@ -20,41 +20,30 @@ from sklearn.neural_network import MLPRegressor
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from spab_core import theory_models
 from spab_core.artifacts import load_reference_map
 from spab_core.features import shipped_table
 from spab_core.surrogates import MODELS, solved_cells, train, training_mask
-from spab_core.theory_models import TheoryBlend, TheoryTrees
+from spab_core.theory_models import TheoryTrees
 
 FOLDS, GP_CELLS = 5, 1200
 
 
 class Rest(TheoryTrees):
-    """Any learner in place of the trees; ``on``: features, or place."""
+    """Any learner in place of the trees."""
 
-    def __init__(self, table, learner, on="features", most=None):
+    def __init__(self, table, learner, most=None):
         super().__init__(table)
-        self.learner, self.on, self.most = learner, on, most
+        self.learner, self.most = learner, most
 
     def fit(self, X, y):
-        features, place, rest = self._rest(X, y)
-        inputs = features if self.on == "features" else place
-        some = np.random.default_rng(0).permutation(len(rest))[:self.most]
-        self.learner.fit(inputs[some], rest[some])
+        number, features, linear = self._prepare(X)
+        some = np.random.default_rng(0).permutation(len(y))[:self.most]
+        self.learner.fit(features[some], ((y - linear) * number)[some])
         return self
 
     def predict(self, X):
-        number, features, place, linear = self._prepare(X)
-        return linear + self.learner.predict(features if self.on == "features" else place) / number
-
-
-def with_setting(**changes):
-    """A blend while module settings are changed."""
-    def build(table):
-        for name, value in changes.items():
-            setattr(theory_models, name, value)
-        return TheoryBlend(table)
-    return build
+        number, features, linear = self._prepare(X)
+        return linear + self.learner.predict(features) / number
 
 
 def options():
@@ -62,16 +51,13 @@ def options():
     def rest(make, **settings):
         return lambda table: Rest(table, make(), **settings)
 
-    found = {f"blend, stretch {s:g}": with_setting(STRETCH=s) for s in (0.15, 0.3, 0.6, 1.2)}
-    found |= {f"blend, spline through {n}": with_setting(SPLINE_NEIGHBOURS=n, STRETCH=0.6) for n in (5, 8, 16)}
-    found["blend, every cell believed"] = with_setting(_CONTRADICTION=np.inf, SPLINE_NEIGHBOURS=8)
-    found["extra trees"] = lambda table: with_setting(_CONTRADICTION=0.3)(table) and TheoryTrees(table)
+    found = {"extra trees": TheoryTrees}
     found["extra trees, half the features a cut"] = rest(lambda: ExtraTreesRegressor(100, max_features=0.5, random_state=0))
     found["extra trees, leaves of 3"] = rest(lambda: ExtraTreesRegressor(100, min_samples_leaf=3, random_state=0))
     found["random forest"] = rest(lambda: RandomForestRegressor(100, random_state=0))
     found["gradient boosting"] = rest(lambda: HistGradientBoostingRegressor(
         max_iter=600, learning_rate=0.1, max_leaf_nodes=63, min_samples_leaf=5, random_state=0))
-    found["four neighbours"] = rest(lambda: KNeighborsRegressor(4, weights="distance"), on="place")
+    found["four neighbours"] = rest(lambda: make_pipeline(StandardScaler(), KNeighborsRegressor(4, weights="distance")))
     found["MLP 64, 64"] = rest(lambda: make_pipeline(StandardScaler(), MLPRegressor(hidden_layer_sizes=(64, 64), max_iter=400,
                                                                                 random_state=0)))
     found["MLP 128, 128, 128"] = rest(lambda: make_pipeline(StandardScaler(), MLPRegressor(

@@ -6,7 +6,14 @@ import streamlit as st
 from spab_core.evaluation import error_by_regime, errors, uncertainty_scores
 from spab_core.figures import reliability_figure, surrogate_figure, uncertainty_figure
 from spab_core.surrogates import DIVISORS, MODELS
-from spab_core.ui.shared import errors_in_words, page_head, predicted_map, reference_map, time_text, uncertain_reference_map
+from spab_core.ui.shared import (
+    errors_in_words,
+    page_head,
+    predicted_map,
+    reference_map,
+    time_text,
+    uncertain_reference_map,
+)
 from spab_core.uncertainty import reliability
 
 page_head("surrogate map")

@@ -17,10 +17,12 @@ from spab_core.stability_map import StabilityMap, load_map
 ARTIFACTS = Path(__file__).resolve().parent.parent / "artifacts"
 REFERENCE_MAP = "reference_map.npz"
 SCORES = "surrogate_scores.csv"
-REFINED = "refined_map.npz"
+BLOCK_SCORES = "surrogate_scores_blocks.csv"  # on withheld rectangles of the plane
+UNCERTAINTY = "surrogate_uncertainty.csv"  # regimes, intervals, probability of instability
 PREDICTIONS = "surrogate_maps.npz"
 SECONDS = "surrogate_seconds.csv"  # measured by benchmarks/surrogates.py: not part of what is rebuilt to the bit
 MANIFEST = "manifest.json"
+REFINED = "refined_map.npz"
 BIFURCATIONS = ("bifurcation_rotor_mass.npz", "bifurcation_bearing_number.npz")  # at Lambda 3.45, at 4.52 kg
 
 

@@ -17,13 +17,7 @@ from spab_core.evaluation import SEEDS, errors, evaluate, ranking, suggestion, t
 from spab_core.pretrained import find_model, predict_with
 from spab_core.simulate import check_point
 from spab_core.stability_map import StabilityMap, load_map, npz_bytes
-from spab_core.surrogates import (
-    DIVISORS,
-    MODELS,
-    SPLITS,
-    Model,
-    model,
-)
+from spab_core.surrogates import DIVISORS, MODELS, SPLITS, Model, model
 from spab_core.uncertainty import CONFIDENCE, TooFewCells, uncertain_map
 
 UNCERTAIN = "theory-trees"  # whose intervals are evaluated unless others are asked for

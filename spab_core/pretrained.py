@@ -36,7 +36,7 @@ from spab_core.surrogates import Model, PredictedMap, Surrogate, predict_map, so
 
 SEED = 0  # of what is shipped
 LIBRARIES = ("numpy", "scipy", "scikit-learn", "joblib", "numba")
-RECIPE = ("surrogates",)  # modules whose code makes a trained model what it is, besides the libraries
+RECIPE = ("features", "surrogates", "theory_models")  # modules whose code makes a trained model what it is
 Progress = Callable[[int, int], None]  # steps done, steps in all
 
 

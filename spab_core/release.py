@@ -14,9 +14,11 @@ from threadpoolctl import threadpool_limits
 from spab_core.artifacts import (
     ARTIFACTS,
     BIFURCATIONS,
+    BLOCK_SCORES,
     PREDICTIONS,
     REFERENCE_MAP,
     SCORES,
+    UNCERTAINTY,
     ArtifactError,
     checked_bytes,
     load_reference_bifurcation,
@@ -46,7 +48,9 @@ from spab_core.stability_map import StabilityMap, load_map, npz_bytes, save_map
 from spab_core.surrogates import DIVISORS, MODELS, Model, training_mask
 
 # tables of errors by file: the models in them (None: all), and what evaluation.evaluate is asked besides
-TABLES: dict[str, tuple[tuple[str, ...] | None, dict]] = {SCORES: (None, {})}
+TABLES: dict[str, tuple[tuple[str, ...] | None, dict]] = {
+    SCORES: (None, {}), BLOCK_SCORES: (None, {"split": "blocks"}), UNCERTAINTY: (("theory-trees",), {"uncertainty": True}),
+}
 MAX_MODEL_BYTES = 2_000_000  # a larger model is trained on first use
 MAX_FOLDER_BYTES = 20_000_000  # of artifacts/ in all
 STEP = 2.0**-16  # of a shipped exponent, per revolution

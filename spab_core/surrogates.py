@@ -28,7 +28,7 @@ from sklearn.tree import DecisionTreeRegressor
 from spab_core.design import InputError
 from spab_core.features import LinearTable, shipped_table, table_for
 from spab_core.stability_map import StabilityMap
-from spab_core.theory_models import TheoryBlend, TheoryTrees
+from spab_core.theory_models import TheoryTrees
 
 DIVISORS = (2, 3, 4, 5, 6, 7, 8)  # training sets of n/2 ... n/8 cells
 MIN_TRAINING = 8  # cells
@@ -110,8 +110,6 @@ MODELS = {model.name: model for model in (
         max_iter=600, learning_rate=0.1, max_leaf_nodes=63, min_samples_leaf=5, random_state=seed)),
     Model("neighbours", "Four neighbours", "better", lambda seed: KNeighborsRegressor(n_neighbors=4, weights="distance")),
     Model("theory-trees", "Trees on linear theory", "better", lambda seed, table: TheoryTrees(table, seed), theory=True),
-    Model("theory-blend", "Trees and splines on linear theory", "better", lambda seed, table: TheoryBlend(table, seed),
-          theory=True),
 )}
 
 

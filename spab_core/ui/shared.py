@@ -12,7 +12,15 @@ import plotly.graph_objects as go
 import streamlit as st
 from streamlit.runtime.scriptrunner import add_script_run_ctx, get_script_run_ctx
 
-from spab_core.artifacts import ARTIFACTS, PREDICTIONS, REFERENCE_MAP, ArtifactError, checked_path, load_reference_map
+from spab_core.artifacts import (
+    ARTIFACTS,
+    BLOCK_SCORES,
+    PREDICTIONS,
+    REFERENCE_MAP,
+    ArtifactError,
+    checked_path,
+    load_reference_map,
+)
 from spab_core.design import Design, InputError
 from spab_core.figures import map_figure, mark_cell, mark_point
 from spab_core.integrate import is_compiled
@@ -23,7 +31,6 @@ from spab_core.stability_map import StabilityMap
 from spab_core.surrogates import model
 from spab_core.uncertainty import MapUncertainty, uncertain_map
 
-BLOCK_SCORES = "surrogate_scores_blocks.csv"
 LIVE = Settings(transient=200, revolutions=200)
 LIVE_PATHS = 30
 

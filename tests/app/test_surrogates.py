@@ -82,6 +82,41 @@ def test_first_view_of_the_surrogate_map(small):
     assert lives.drop(index="at a border")["share"].sum() == pytest.approx(1.0)
 
 
+@pytest.fixture
+def shipped(small, tmp_path, monkeypatch):
+    """The small map's folder with predicted maps and models of the tree."""
+    folder = shutil.copytree(small, tmp_path / "shipped")
+    rebuild(load_map(folder / REFERENCE_MAP), folder, models=[MODELS["tree"], MODELS["mlp"]], divisors=(2, 8), seeds=(0,))
+    monkeypatch.setattr(shared, "ARTIFACTS", folder)
+    monkeypatch.setattr(artifacts.load_reference_map, "__defaults__", (folder,))
+    monkeypatch.setenv("SPAB_CACHE", str(tmp_path / "cache"))  # nothing was trained before
+    return folder
+
+
+def test_shipped_predictions_are_shown_without_training(shipped, monkeypatch):
+    def refuse(*args, **options):
+        raise AssertionError("trained")
+    monkeypatch.setattr(pretrained, "predict_map", refuse)
+    at = open_page("Surrogate_map")
+    assert at.exception  # the forest is not in this folder: so the check below can fail
+    at.selectbox(key="model").select("tree").run()
+    assert not at.exception and not at.error and not at.warning
+    assert "shipped" in at.caption[0].value
+    at.number_input(key="draw").set_value(1).run()
+    assert at.exception  # other cells are not shipped
+
+
+def test_predictions_of_another_map_are_not_shown_and_it_says_so(shipped):
+    m = load_map(shipped / REFERENCE_MAP)
+    save_map(dataclasses.replace(m, mle=m.mle + 0.25), shipped / REFERENCE_MAP)
+    write_manifest(shipped)
+    st.cache_resource.clear()
+    at = open_page("Surrogate_map")
+    at.selectbox(key="model").select("tree").run()
+    assert not at.exception and "another map" in at.warning[0].value and "spab train --all" in at.warning[0].value
+    assert "Trained in" in at.caption[0].value
+
+
 def test_how_sure_it_is(small):
     at = open_page("Surrogate_map")
     at.button_group(key="divisor").select(2).run()
@@ -122,39 +157,6 @@ def test_scores_on_withheld_rectangles_stand_beside_the_others(small):
     finally:
         path.unlink()
         write_manifest(small)
-@pytest.fixture
-def shipped(small, tmp_path, monkeypatch):
-    """The small map's folder with predicted maps and models of the tree."""
-    folder = shutil.copytree(small, tmp_path / "shipped")
-    rebuild(load_map(folder / REFERENCE_MAP), folder, models=[MODELS["tree"], MODELS["mlp"]], divisors=(2, 8), seeds=(0,))
-    monkeypatch.setattr(shared, "ARTIFACTS", folder)
-    monkeypatch.setattr(artifacts.load_reference_map, "__defaults__", (folder,))
-    monkeypatch.setenv("SPAB_CACHE", str(tmp_path / "cache"))  # nothing was trained before
-    return folder
-
-
-def test_shipped_predictions_are_shown_without_training(shipped, monkeypatch):
-    def refuse(*args, **options):
-        raise AssertionError("trained")
-    monkeypatch.setattr(pretrained, "predict_map", refuse)
-    at = open_page("Surrogate_map")
-    assert at.exception  # the forest is not in this folder: so the check below can fail
-    at.selectbox(key="model").select("tree").run()
-    assert not at.exception and not at.error and not at.warning
-    assert "shipped" in at.caption[0].value
-    at.number_input(key="draw").set_value(1).run()
-    assert at.exception  # other cells are not shipped
-
-
-def test_predictions_of_another_map_are_not_shown_and_it_says_so(shipped):
-    m = load_map(shipped / REFERENCE_MAP)
-    save_map(dataclasses.replace(m, mle=m.mle + 0.25), shipped / REFERENCE_MAP)
-    write_manifest(shipped)
-    st.cache_resource.clear()
-    at = open_page("Surrogate_map")
-    at.selectbox(key="model").select("tree").run()
-    assert not at.exception and "another map" in at.warning[0].value and "spab train --all" in at.warning[0].value
-    assert "Trained in" in at.caption[0].value
 
 
 def test_model_ranking(small):
