@@ -44,7 +44,7 @@ with right:
         "deviation": st.column_config.NumberColumn("±", format="%.3f", help="Standard deviation among the trees"),
         "predicted_regime": st.column_config.Column("regime", width=95),
         "probability_unstable": st.column_config.NumberColumn("unstable", format="%.2f",
-                                                              help="Probability of chaos or of a run that fails"),
+                                                              help="Probability that the motion is not periodic"),
         "in_doubt": "in doubt"})
     st.download_button("Download these points as CSV", suggested.to_csv(index=False), "solve_next.csv", "text/csv", key="csv")
     st.markdown("For a bearing of your own:")

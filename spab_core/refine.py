@@ -65,8 +65,8 @@ class Prediction:
 
     @property
     def unstable(self) -> np.ndarray:
-        """Probability of chaos or of a run that fails (touchdown), (n,)."""
-        return self.probability[:, LABELS.index("chaotic")] + self.probability[:, LABELS.index("")]
+        """Probability that the motion is not periodic, a run that fails (touchdown) included, (n,)."""
+        return 1.0 - self.probability[:, LABELS.index("periodic")]
 
     @property
     def impurity(self) -> np.ndarray:
@@ -204,7 +204,7 @@ class Refinement:
     regime : ndarray of str, (B, M)
         Predicted; "" where the run is predicted to fail.
     unstable : ndarray, (B, M)
-        Predicted probability of chaos or of a run that fails.
+        Predicted probability that the motion is not periodic, a run that fails included.
     suggested : ndarray of int, (k,)
         Flat indices of the cells to solve next, empty where none is left.
     suggested_for_regime : ndarray of bool, (k,)

@@ -14,6 +14,7 @@ from spab_core.film import Mesh
 from spab_core.integrate import REVOLUTION, Options, advance, build_memory, build_record
 from spab_core.point import solve_point
 from spab_core.simulate import Settings
+from spab_core.stability import linear_spectrum
 
 TINY = Mesh(3, 16)
 
@@ -84,6 +85,17 @@ def test_a_light_mode_that_the_orbit_does_not_excite_is_resolved(design):
     fine = solve_point(design, 18.69, 0.388, Settings(tolerance=1e-5))
     assert fine.mle.value == pytest.approx(-1.292, abs=0.003)
     assert solve_point(design, 18.69, 0.388).mle.value == pytest.approx(fine.mle.value, abs=0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mass, number", [(11.5, 0.05), (12.5, 0.05), (20.0, 0.05), (10.0, 0.1), (20.0, 0.2)])
+def test_a_strongly_damped_orbit_decays_as_linear_theory_says(design, mass, number):
+    """The orbit is the static equilibrium but for a small unbalance, so its exponent is 2 pi times the largest real part of the
+    eigenvalues about it, which share nothing with time integration. The leading mode swings up to 110 times a revolution."""
+    point = solve_point(design, mass, number, Settings(revolutions=300))
+    linear = 2.0 * math.pi * linear_spectrum(design, mass, number)[0][0].real
+    assert linear < -3.0 and point.regime.text == "periodic-1"
+    assert point.mle.value == pytest.approx(linear, rel=0.003)
 
 
 @pytest.mark.slow
