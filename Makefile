@@ -19,7 +19,7 @@ lock: .venv/.ready
 	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --extra test --no-emit-index-url --no-header \
 	  --output-file requirements.lock --upgrade pyproject.toml
 
-# the shipped map: 42,500 cells, an hour and a quarter on two cores; an interrupted run goes on; then `make train`
+# the shipped map: 42,500 cells, three quarters of an hour on two cores; an interrupted run goes on; then `make train`
 map: .venv/.ready
 	$(BIN)/spab map --bearing-number 0.05:8.5:170 --rotor-mass 0.1:25:250 --out artifacts/reference_map.npz --workers 2
 	$(BIN)/python -m spab_core.artifacts

@@ -10,6 +10,7 @@ import math
 import numpy as np
 import pytest
 
+from spab_core.artifacts import load_reference_map
 from spab_core.film import Mesh
 from spab_core.integrate import REVOLUTION, Options, advance, build_memory, build_record
 from spab_core.point import solve_point
@@ -96,6 +97,15 @@ def test_a_strongly_damped_orbit_decays_as_linear_theory_says(design, mass, numb
     linear = 2.0 * math.pi * linear_spectrum(design, mass, number)[0][0].real
     assert linear < -3.0 and point.regime.text == "periodic-1"
     assert point.mle.value == pytest.approx(linear, rel=0.003)
+
+
+def test_strongly_damped_cells_of_the_shipped_map_decay_as_linear_theory_says():
+    """Sixteen random cells with exponents under -2 against the eigenvalues about the static equilibrium."""
+    m = load_reference_map()
+    damped = np.argwhere(m.mle < -2.0)
+    for row, column in np.random.default_rng(3).choice(damped, 16, replace=False):
+        linear = linear_spectrum(m.design, float(m.rotor_mass[column]), float(m.bearing_number[row]))[0][0].real
+        assert m.mle[row, column] == pytest.approx(2.0 * math.pi * linear, rel=0.01)
 
 
 @pytest.mark.slow
