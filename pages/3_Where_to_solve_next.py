@@ -5,7 +5,7 @@ import streamlit as st
 from spab_core.artifacts import load_reference_refinement
 from spab_core.figures import REFINE_LAYERS, learning_curve_figure, refinement_figure
 from spab_core.learning_curve import GOAL, goal, load_learning_curve
-from spab_core.refine import RELIABLE
+from spab_core.refine import DAMPED
 from spab_core.ui.shared import errors_in_words, page_head
 
 page_head("where to solve next")
@@ -16,15 +16,15 @@ with errors_in_words():
 st.markdown("#### Which points should I solve next, and how few are enough?")
 found, share = goal(rows), [f"n/{k}" for k in GOAL]
 solved = rows.groupby("divisor")["solved"].first()
-error, reliable, chaos = (found.loc[name] for name in ("rmse", "rmse_reliable", "chaos_f1"))
+error, undamped, chaos = (found.loc[name] for name in ("rmse", "rmse_undamped", "chaos_f1"))
 words = (f"{solved[GOAL[0]]:,} chosen points ({share[0]}) predict the rest of the map with RMSE {error['refined']:.3f} per "
          f"revolution and F1 of chaos {chaos['refined']:.3f}; {solved[GOAL[1]]:,} random points ({share[1]}) with "
          f"{error['random']:.3f} and {chaos['random']:.3f}, by the best model for each {error['best']:.3f} and "
          f"{chaos['best']:.3f}.")
 met = all(row[name] for row in (error, chaos) for name in ("met", "met_best"))
 (st.success if met else st.warning)(words)
-st.caption(f"Most of that error is of strongly damped cells. From Λ = {RELIABLE:g} on, the RMSE is {reliable['refined']:.3f} "
-           f"for the chosen points, {reliable['random']:.3f} for the random ones.")
+st.caption(f"Most of that error is of strongly damped cells. From Λ = {DAMPED:g} on, the RMSE is {undamped['refined']:.3f} "
+           f"for the chosen points, {undamped['random']:.3f} for the random ones.")
 
 left, right = st.columns([1.25, 1], gap="medium")
 with left:

@@ -32,7 +32,7 @@ SLOW = ("svr", "mlp")  # worse than any other model by far, and the SVR takes ha
 COMMITTEE = "committee"
 CHAOTIC_MLE = 0.01  # smallest exponent called chaotic, as in spab_core.regimes
 LEARNING_CURVE = ARTIFACTS.parent / "docs" / "learning_curve.csv"
-COLUMNS = ("strategy", "model", "judged", "divisor", "solved", "seed", "rmse", "rmse_reliable", "mae", "accuracy", "chaos_f1")
+COLUMNS = ("strategy", "model", "judged", "divisor", "solved", "seed", "rmse", "rmse_undamped", "mae", "accuracy", "chaos_f1")
 METRICS = COLUMNS[6:]
 GOAL = (16, 4)  # refined n/16 against random n/4
 
@@ -141,14 +141,14 @@ def goal(rows: pd.DataFrame, judged: str = "unsolved") -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Rows ``rmse``, ``rmse_reliable`` and ``chaos_f1``; columns ``refined``, ``random`` (the same committee), ``best`` (the
+        Rows ``rmse``, ``rmse_undamped`` and ``chaos_f1``; columns ``refined``, ``random`` (the same committee), ``best`` (the
         best of all models on the random cells) and ``best_model``: means over the seeds; ``met`` against the same committee,
         ``met_best`` against the best.
     """
     means = summary(rows, judged).xs("mean", axis=1, level=1)
     refined, at_random = means.loc[("refine", COMMITTEE, GOAL[0])], means.loc["random"].xs(GOAL[1], level="divisor")
     found = {}
-    for metric, sign in (("rmse", 1.0), ("rmse_reliable", 1.0), ("chaos_f1", -1.0)):
+    for metric, sign in (("rmse", 1.0), ("rmse_undamped", 1.0), ("chaos_f1", -1.0)):
         best = (sign * at_random[metric]).idxmin()
         values = (refined[metric], at_random.loc[COMMITTEE, metric], at_random.loc[best, metric])
         found[metric] = [*values, best, *(bool(sign * values[0] <= sign * v) for v in values[1:])]

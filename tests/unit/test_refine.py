@@ -221,7 +221,7 @@ def test_exponent_scores_by_hand():
     predicted = np.zeros(16)
     predicted[[0, 5, 4]] = 4.0, 100.0, -2.0  # the second one fails in truth: not judged
     found = exponent_scores(m, predicted, np.ones(16, bool))
-    assert found == pytest.approx({"rmse": (20 / 15)**0.5, "rmse_reliable": (4 / 11)**0.5, "mae": 6 / 15})
+    assert found == pytest.approx({"rmse": (20 / 15)**0.5, "rmse_undamped": (4 / 11)**0.5, "mae": 6 / 15})
     assert np.isnan(list(exponent_scores(m, predicted, np.arange(16) == 5).values())).all()
 
 
