@@ -232,7 +232,7 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
                     memory.control[0] = memory.control[3] = 0.0  # the step is sought anew
                     pushed = True
     measured = window(settled.period) if settled else max(done - transient, 0)
-    if settings.early_stop and settings.method == "rodas" and status == OK and tangent:
+    if settings.early_stop and settings.method == "rodas" and status == OK and (settled or measured):
         rate = settled.rate if settled else last("growth", measured).mean()
         period = repeating_period(last("section", 3 * MEMORY)) if rate < STRONG else None
         if period is not None:  # its leading modes swing many times a step, and die too fast to be worth short ones before
