@@ -24,7 +24,7 @@ kind = b.segmented_control("Over", ("held_out", "all"), default="held_out", key=
     "held_out": "held-out cells", "all": "whole map (as the paper counts)"}[k]) or "held_out"
 
 column = f"{metric}_{kind}"
-found = table(scores, column)
+found = table(scores, column)[best_first.index]  # the best first
 fractions = [f"n/{k}" for k in DIVISORS if f"n/{k}" in found.index]
 left, right = st.columns(2, gap="medium")
 with left:
@@ -57,7 +57,7 @@ if blocks is None:
 else:
     same = scores[scores["divisor"].isin(blocks["divisor"])]
     rows = {title: table(s, "rmse_held_out").loc["Average"] for title, s in (("cells at random", same), ("rectangles", blocks))}
-    beside = pd.DataFrame(rows).T.rename(columns=lambda k: MODELS[k].label)
+    beside = pd.DataFrame(rows).T[[k for k in best_first.index if k in set(blocks["model"])]].rename(columns=lambda k: MODELS[k].label)
     st.dataframe(beside.style.format("{:.3f}", na_rep=""), width="stretch")
     which = ", ".join(f"n/{k}" for k in sorted(blocks["divisor"].unique()))
     st.caption(f"Averages over {which}. A quarter of 10 × 10 rectangles of the plane holds no training cell, errors are "

@@ -12,6 +12,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from tqdm import tqdm
 
 from spab_core.design import InputError, check_number, check_output
+from spab_core.features import table_for
 from spab_core.map_engine import remove_parts
 from spab_core.refine import (
     LABELS,
@@ -25,6 +26,7 @@ from spab_core.refine import (
     scores,
 )
 from spab_core.stability_map import axis, check_plane, load_map, map_metadata
+from spab_core.surrogates import linear_table_of
 
 _SHOWN = 5  # suggestions printed; the file holds all
 
@@ -69,8 +71,8 @@ def _study(args, unused) -> dict:
         bar.update(int(solved.sum()) - bar.n)
 
     with tqdm(total=args.budget, unit="cell", smoothing=0.05) as bar:
-        result = refine(m.bearing_number, m.rotor_mass, map_oracle(m), args.budget, args.seed, watch=watch,
-                        metadata=m.metadata | {"study": True})
+        result = refine(m.bearing_number, m.rotor_mass, map_oracle(m), args.budget, args.seed,
+                        table=linear_table_of(m), watch=watch, metadata=m.metadata | {"study": True})
     save_refinement(result, args.out)
     found = {name: value if np.isfinite(value) else None
              for name, value in scores(m, last[0], ~result.solved.ravel()).items()}
@@ -91,7 +93,8 @@ def _solve(args, design, settings, say_compiling) -> dict:
             with live_oracle(chosen, bearing_number, rotor_mass, how, parts=parts, plan={"seed": args.seed, "start": start},
                              workers=args.workers, progress=bar.update) as oracle:
                 say_compiling()
-                result = refine(bearing_number, rotor_mass, oracle, args.budget, args.seed, metadata=metadata)
+                table = table_for(chosen, ((bearing_number.min(), bearing_number.max()), (rotor_mass.min(), rotor_mass.max())))
+                result = refine(bearing_number, rotor_mass, oracle, args.budget, args.seed, table=table, metadata=metadata)
         except KeyboardInterrupt:
             bar.close()
             print(f"spab: stopped; solved cells are kept in {parts}: the same command goes on from them", file=sys.stderr)

@@ -14,6 +14,7 @@ from spab_core.refine import (
     START,
     Prediction,
     exponent_scores,
+    linear_columns,
     map_oracle,
     plane_inputs,
     predict_plane,
@@ -22,7 +23,7 @@ from spab_core.refine import (
     scores,
 )
 from spab_core.stability_map import StabilityMap
-from spab_core.surrogates import MODELS, train
+from spab_core.surrogates import MODELS, linear_table_of, train
 
 DIVISORS = (64, 32, 16, 8, 4)  # n/64 ... n/4 solved cells
 SEEDS = (10, 11, 12, 13, 14)  # not those looked at when refining was set up
@@ -83,6 +84,8 @@ def _one_seed(m: StabilityMap, seed: int, names: Sequence[str]) -> Iterator[tupl
     withheld = np.zeros(count, bool)
     withheld[rng.permutation(count)[:count // WITHHELD]] = True
     inputs, number = plane_inputs(m.bearing_number, m.rotor_mass), np.repeat(m.bearing_number, len(m.rotor_mass))
+    table = linear_table_of(m)
+    linear = linear_columns(m.bearing_number, m.rotor_mass, table)
     for judged, allowed, divisors in (("unsolved", np.ones(count, bool), DIVISORS),
                                       ("withheld", ~withheld, WITHHELD_DIVISORS)):
         found: dict[int, dict] = {}
@@ -91,7 +94,7 @@ def _one_seed(m: StabilityMap, seed: int, names: Sequence[str]) -> Iterator[tupl
             found[int(solved.sum())] = scores(m, prediction, withheld if judged == "withheld" else ~solved)
 
         refine(m.bearing_number, m.rotor_mass, map_oracle(m), sizes[divisors[-1]], seed, allowed=allowed.reshape(m.shape),
-               watch=watch)
+               table=table, watch=watch)
         for divisor in divisors:
             yield ("refine", COMMITTEE, judged, divisor, sizes[divisor], seed, *found[sizes[divisor]].values())
         drawn = order[allowed[order]]
@@ -99,7 +102,7 @@ def _one_seed(m: StabilityMap, seed: int, names: Sequence[str]) -> Iterator[tupl
             solved = np.zeros(count, bool)
             solved[drawn[:sizes[divisor]]] = True
             cells = withheld if judged == "withheld" else ~solved
-            prediction = predict_plane(inputs, number, solved, m.mle.ravel(), m.regime.ravel(), seed)
+            prediction = predict_plane(inputs, number, solved, m.mle.ravel(), m.regime.ravel(), seed, linear)
             yield ("random", COMMITTEE, judged, divisor, sizes[divisor], seed, *scores(m, prediction, cells).values())
         for name in names:  # on the last draw, the largest
             yield ("random", name, judged, divisor, sizes[divisor], seed, *_model_scores(m, name, solved, cells, seed))

@@ -22,6 +22,7 @@ from sklearn.ensemble import ExtraTreesClassifier, ExtraTreesRegressor
 
 from spab_core.design import Design, InputError, check_number, write_atomically
 from spab_core.evaluation import mae, rmse
+from spab_core.features import LinearTable
 from spab_core.map_engine import cluster_or_processes, locked, open_run, solve_chunk
 from spab_core.regimes import REGIMES
 from spab_core.simulate import Settings
@@ -32,7 +33,9 @@ START = 256  # the coarse start is 1/START of the plane, but no more than a quar
 MAX_PLANE = 250_000  # cells that the committee predicts after each batch
 TREES = 60
 DOUBLING = 4  # batches in which the solved cells double
-EXPONENT_SHARE = 0.3  # of a batch, drawn by the variance of the exponent; the rest by the impurity of the regime
+# part of a batch drawn by the variance of the exponent, the rest by the impurity of the regime; where linear theory takes the
+# smooth part of the exponent away, what still varies lies at the borders between regimes too
+EXPONENT_SHARE, THEORY_SHARE = 0.3, 0.85
 EXPLORE = 1e-3  # impurity below which no cell is taken to be: an island that no solved cell has met can be found
 SUGGESTIONS = 24  # cells named to be solved next
 CHUNK = 5  # cells solved between two checkpoints
@@ -74,6 +77,12 @@ class Prediction:
         return 1.0 - (self.probability**2).sum(1)
 
 
+def linear_columns(bearing_number: np.ndarray, rotor_mass: np.ndarray, table: LinearTable) -> np.ndarray:
+    """Decay rate per revolution, whirl frequency and static eccentricity of each cell by linear theory, (n, 3)."""
+    number, mass = np.meshgrid(bearing_number, rotor_mass, indexing="ij")
+    return table.at(number.ravel(), mass.ravel())
+
+
 def plane_inputs(bearing_number: np.ndarray, rotor_mass: np.ndarray) -> np.ndarray:
     """What the trees see of each cell of a plane, (n, 6) in the order of ``mle.ravel()``.
 
@@ -87,7 +96,7 @@ def plane_inputs(bearing_number: np.ndarray, rotor_mass: np.ndarray) -> np.ndarr
 
 
 def predict_plane(inputs: np.ndarray, bearing_number: np.ndarray, solved: np.ndarray, mle: np.ndarray, regime: np.ndarray,
-                  seed: int = 0) -> Prediction:
+                  seed: int = 0, linear: np.ndarray | None = None) -> Prediction:
     """Train the committee on the solved cells and predict all of them.
 
     Parameters
@@ -103,19 +112,23 @@ def predict_plane(inputs: np.ndarray, bearing_number: np.ndarray, solved: np.nda
     regime : ndarray of str, (n,)
         "" where a run failed.
     seed : int
+    linear : ndarray, (n, 3)
+        Of :func:`linear_columns`: more inputs, and the exponent that the trees start from where the rate is negative.
 
     Returns
     -------
     Prediction
     """
+    base = np.zeros(len(mle)) if linear is None else np.minimum(linear[:, 0], 0.0)
+    inputs = inputs if linear is None else np.column_stack([inputs, linear])
     inputs = np.asarray(inputs, np.float32)  # what trees compute in: converted once
     count = len(inputs)
     known = solved & np.isfinite(mle)
     mean, deviation = np.full(count, np.nan), np.full(count, np.nan)
     if known.sum() >= 2:
-        trees = ExtraTreesRegressor(TREES, random_state=seed).fit(inputs[known], (mle * bearing_number)[known])
+        trees = ExtraTreesRegressor(TREES, random_state=seed).fit(inputs[known], ((mle - base) * bearing_number)[known])
         each = np.array([tree.predict(inputs) for tree in trees.estimators_], np.float32)
-        mean, deviation = each.mean(0, dtype=float) / bearing_number, each.std(0, dtype=float) / bearing_number
+        mean, deviation = base + each.mean(0, dtype=float) / bearing_number, each.std(0, dtype=float) / bearing_number
     votes = ExtraTreesClassifier(TREES, random_state=seed).fit(inputs[solved], regime[solved])
     probability = np.zeros((count, len(LABELS)))
     probability[:, [LABELS.index(name) for name in votes.classes_]] = votes.predict_proba(inputs)
@@ -139,7 +152,7 @@ def choose_start(shape: tuple[int, int], count: int, seed: int, allowed: np.ndar
 
 
 def choose_next(prediction: Prediction, free: np.ndarray, shape: tuple[int, int], size: int, seed: int,
-                batch: int) -> tuple[np.ndarray, np.ndarray]:
+                batch: int, share: float = EXPONENT_SHARE) -> tuple[np.ndarray, np.ndarray]:
     """Draw a batch: first by the variance of the exponent, then by the impurity of the regime, never two neighbours.
 
     Parameters
@@ -153,6 +166,8 @@ def choose_next(prediction: Prediction, free: np.ndarray, shape: tuple[int, int]
         At most the number of free cells.
     seed, batch : int
         Of the random draw.
+    share : float
+        Of the batch, drawn by the variance of the exponent.
 
     Returns
     -------
@@ -167,7 +182,7 @@ def choose_next(prediction: Prediction, free: np.ndarray, shape: tuple[int, int]
     taken = ~free
     cells: list[int] = []
     for_regime: list[bool] = []
-    for_exponent = round(EXPONENT_SHARE * size)
+    for_exponent = round(share * size)
     variance = np.nan_to_num(prediction.deviation**2)
     for weight, regime, until in ((variance, False, for_exponent), (np.maximum(prediction.impurity, EXPLORE), True, size)):
         # the largest of log weight + Gumbel noise: a draw without replacement in proportion to the weights
@@ -257,7 +272,8 @@ Watch = Callable[[np.ndarray, Prediction], None]
 
 
 def refine(bearing_number: np.ndarray, rotor_mass: np.ndarray, oracle: Oracle, budget: int, seed: int = 0, *,
-           allowed: np.ndarray | None = None, watch: Watch | None = None, metadata: dict | None = None) -> Refinement:
+           allowed: np.ndarray | None = None, table: LinearTable | None = None, watch: Watch | None = None,
+           metadata: dict | None = None) -> Refinement:
     """Solve ``budget`` cells of a plane, each batch where the cells solved before leave most in doubt.
 
     Parameters
@@ -274,6 +290,8 @@ def refine(bearing_number: np.ndarray, rotor_mass: np.ndarray, oracle: Oracle, b
         Of the start, the trees and the draws.
     allowed : ndarray of bool, (B, M), optional
         Cells that may be solved, at least ``budget`` of them; left out: all.
+    table : LinearTable, optional
+        What linear theory knows of the design, for the committee to start from.
     watch : callable, optional
         Called after each batch with the solved cells (n,) and what they predict.
     metadata : dict, optional
@@ -296,6 +314,8 @@ def refine(bearing_number: np.ndarray, rotor_mass: np.ndarray, oracle: Oracle, b
     if may.size != count or may.sum() < budget:
         raise InputError(f"budget = {budget} is out of range: {int(may.sum())} of {may.size} cells may be solved")
     inputs, number = plane_inputs(bearing_number, rotor_mass), np.repeat(bearing_number, shape[1])
+    linear = None if table is None else linear_columns(bearing_number, rotor_mass, table)
+    share = EXPONENT_SHARE if table is None else THEORY_SHARE
     values = {name: _nothing(dtype, count) for name, dtype in FIELDS.items()}
     batch_of = np.full(count, -1, np.int16)
     cells, batch = choose_start(shape, first, seed, may), 0
@@ -305,7 +325,7 @@ def refine(bearing_number: np.ndarray, rotor_mass: np.ndarray, oracle: Oracle, b
             values[name][cells] = found[name]
         batch_of[cells] = batch
         solved = batch_of >= 0
-        prediction = predict_plane(inputs, number, solved, values["mle"], values["regime"], seed)
+        prediction = predict_plane(inputs, number, solved, values["mle"], values["regime"], seed, linear)
         if watch:
             watch(solved, prediction)
         batch += 1
@@ -313,8 +333,8 @@ def refine(bearing_number: np.ndarray, rotor_mass: np.ndarray, oracle: Oracle, b
         if done == budget:
             break
         goal = max(done + 1, round(first * 2.0 ** (batch / DOUBLING)))
-        cells, _ = choose_next(prediction, free, shape, min(goal, budget) - done, seed, batch)
-    suggested, for_regime = choose_next(prediction, free, shape, min(SUGGESTIONS, int(free.sum())), seed, batch)
+        cells, _ = choose_next(prediction, free, shape, min(goal, budget) - done, seed, batch, share)
+    suggested, for_regime = choose_next(prediction, free, shape, min(SUGGESTIONS, int(free.sum())), seed, batch, share)
     mle, deviation, regime, unstable = (a.reshape(shape) for a in (prediction.mle, prediction.deviation, prediction.regime,
                                                                    prediction.unstable))
     own = {"budget": int(budget), "seed": int(seed), "start": first, "batches": batch}

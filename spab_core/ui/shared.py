@@ -38,8 +38,8 @@ LIVE_PATHS = 30
 def page_head(title: str) -> None:
     """What every page begins with; ``title`` is shown in the browser's tab."""
     st.set_page_config(page_title=f"spab: {title}", page_icon="◍", layout="wide")
-    st.html("<style>.block-container{padding:2.2rem 2rem 1rem} section[data-testid=stSidebar]{width:11rem !important;"
-            "min-width:11rem} [data-testid=stMetricValue]{font-size:1.5rem} "
+    st.html("<style>.block-container{padding:2.2rem 2rem 1rem} section[data-testid=stSidebar]{width:12.5rem !important;"
+            "min-width:12.5rem} [data-testid=stMetricValue]{font-size:1.5rem} "
             "[data-testid=stMetricLabel] p{font-size:.8rem}</style>")
 
 
