@@ -57,7 +57,8 @@ if blocks is None:
 else:
     same = scores[scores["divisor"].isin(blocks["divisor"])]
     rows = {title: table(s, "rmse_held_out").loc["Average"] for title, s in (("cells at random", same), ("rectangles", blocks))}
-    beside = pd.DataFrame(rows).T[[k for k in best_first.index if k in set(blocks["model"])]].rename(columns=lambda k: MODELS[k].label)
+    order = [k for k in best_first.index if k in set(blocks["model"])]
+    beside = pd.DataFrame(rows).T[order].rename(columns=lambda k: MODELS[k].label)
     st.dataframe(beside.style.format("{:.3f}", na_rep=""), width="stretch")
     which = ", ".join(f"n/{k}" for k in sorted(blocks["divisor"].unique()))
     st.caption(f"Averages over {which}. A quarter of 10 × 10 rectangles of the plane holds no training cell, errors are "

@@ -35,7 +35,7 @@ TREES = 60
 DOUBLING = 4  # batches in which the solved cells double
 # part of a batch drawn by the variance of the exponent, the rest by the impurity of the regime; where linear theory takes the
 # smooth part of the exponent away, what still varies lies at the borders between regimes too
-EXPONENT_SHARE, THEORY_SHARE = 0.3, 0.85
+EXPONENT_SHARE, THEORY_SHARE = 0.3, 0.92
 EXPLORE = 1e-3  # impurity below which no cell is taken to be: an island that no solved cell has met can be found
 SUGGESTIONS = 24  # cells named to be solved next
 CHUNK = 5  # cells solved between two checkpoints
