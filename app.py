@@ -56,7 +56,7 @@ with left:
                    help="Whole rotor mass that one bearing carries")
     st.plotly_chart(marked_map_figure(layer, state["mark"]), key="map", on_select=_clicked, selection_mode="points",
                     width="stretch", config={"displaylogo": False, "scrollZoom": True})
-    st.caption(f"{m.shape[0]} × {m.shape[1]} cold starts on {m.metadata['mesh']} film cells, {m.metadata['transient']} + "
+    st.caption(f"{m.shape[0]} × {m.shape[1]} cold starts on {m.metadata['mesh']} film nodes, {m.metadata['transient']} + "
                f"{m.metadata['revolutions']} revolutions each, fewer where the orbit settled. Click a cell, or type Λ and mass "
                "to solve that point now.")
 
@@ -86,5 +86,5 @@ with right:
     t, cell = point.trajectory, m.nearest(mass, number)
     ended = ", settled on a periodic orbit" if t.settled else ""
     st.caption(f"Solved live: {t.completed} revolutions from rest{ended}, {t.steps:,} steps in {t.wall_seconds:.2f} s on "
-               f"{point.settings.mesh} film cells. Nearest cell of the map (Λ {m.bearing_number[cell[0]]:.3f}, "
+               f"{point.settings.mesh} film nodes. Nearest cell of the map (Λ {m.bearing_number[cell[0]]:.3f}, "
                f"{m.rotor_mass[cell[1]]:.2f} kg): {m.cell_text(*cell)}.")
