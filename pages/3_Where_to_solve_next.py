@@ -23,7 +23,7 @@ words = (f"{solved[GOAL[0]]:,} chosen points ({share[0]}) predict the rest of th
          f"{chaos['best']:.3f}.")
 met = all(row[name] for row in (error, chaos) for name in ("met", "met_best"))
 (st.success if met else st.warning)(words)
-st.caption(f"Most of that error is of strongly damped cells. From Λ = {DAMPED:g} on, the RMSE is {undamped['refined']:.3f} "
+st.caption(f"Without the most strongly damped cells, from Λ = {DAMPED:g} on, the RMSE is {undamped['refined']:.3f} "
            f"for the chosen points, {undamped['random']:.3f} for the random ones.")
 
 left, right = st.columns([1.25, 1], gap="medium")

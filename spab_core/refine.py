@@ -39,7 +39,7 @@ EXPONENT_SHARE, THEORY_SHARE = 0.3, 0.92
 EXPLORE = 1e-3  # impurity below which no cell is taken to be: an island that no solved cell has met can be found
 SUGGESTIONS = 24  # cells named to be solved next
 CHUNK = 5  # cells solved between two checkpoints
-DAMPED = 0.15  # bearing number below which exponents reach -38 per revolution: nearly all of the squared error lies there
+DAMPED = 0.15  # bearing number below which exponents reach -38 per revolution: errors are told without them too
 LABELS = (*REGIMES, "")  # "": the run fails, no exponent
 
 Oracle = Callable[[np.ndarray], dict[str, np.ndarray]]  # flat indices (k,) -> values (k,) by the names of FIELDS
