@@ -12,11 +12,8 @@ with errors_in_words():
     m = reference_map()
 
 state = st.session_state
-if "mark" not in state:  # a first view: the cell nearest to the paper's example
-    first = m.nearest(4.52, 3.45)
-    state.setdefault("bearing_number", round(float(m.bearing_number[first[0]]), 6))
-    state.setdefault("rotor_mass", round(float(m.rotor_mass[first[1]]), 6))
-    state["mark"] = first[0] * len(m.rotor_mass) + first[1]
+if "mark" not in state:
+    state["mark"] = (state["bearing_number"], state["rotor_mass"])
 
 
 def _typed():
@@ -49,7 +46,7 @@ left, right = st.columns([1.15, 1], gap="medium")
 with left:
     st.markdown("#### Stability map of the reference bearing")
     a, b, c = st.columns([1.6, 1, 1], vertical_alignment="bottom")
-    layer = a.segmented_control("Layer", LAYERS, default=LAYERS[0], key="layer", on_change=_layer_changed) or LAYERS[0]
+    layer = a.segmented_control("Layer", LAYERS, key="layer", on_change=_layer_changed) or LAYERS[0]
     b.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, key="bearing_number", step=0.05, format="%.3f",
                    on_change=_typed, help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
     c.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%.3f", on_change=_typed,

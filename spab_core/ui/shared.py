@@ -29,6 +29,7 @@ from spab_core.pretrained import ServedMap, find_map
 from spab_core.simulate import Settings
 from spab_core.stability_map import StabilityMap
 from spab_core.surrogates import model
+from spab_core.ui.view import open_view
 from spab_core.uncertainty import MapUncertainty, uncertain_map
 
 LIVE = Settings(transient=200, revolutions=200)
@@ -36,11 +37,13 @@ LIVE_PATHS = 30
 
 
 def page_head(title: str) -> None:
-    """What every page begins with; ``title`` is shown in the browser's tab."""
+    """What every page begins with; ``title`` is shown in the browser's tab. The view is opened (:mod:`spab_core.ui.view`)."""
     st.set_page_config(page_title=f"spab: {title}", page_icon="◍", layout="wide")
     st.html("<style>.block-container{padding:2.2rem 2rem 1rem} section[data-testid=stSidebar]{width:12.5rem !important;"
             "min-width:12.5rem} [data-testid=stMetricValue]{font-size:1.5rem} "
             "[data-testid=stMetricLabel] p{font-size:.74rem}</style>")
+    for complaint in open_view():
+        st.error(complaint)
 
 
 @contextmanager

@@ -75,7 +75,7 @@ def test_first_view_of_the_surrogate_map(small):
     at = open_page("Surrogate_map")
     assert not at.exception
     titles = [a["text"] for a in figure(at)["layout"]["annotations"]]
-    assert titles == ["Solved", "Predicted: Random forest", "Error of held-out cells"]
+    assert titles == ["Solved", "Predicted: Trees on linear theory", "Error of held-out cells"]
     assert "kg" in figure(at)["layout"]["yaxis"]["title"]["text"]
     lives = at.dataframe[0].value
     assert set(lives.columns) == {"cells", "rmse", "mae", "share"} and "at a border" in lives.index

@@ -24,12 +24,12 @@ with errors_in_words():
 st.markdown("#### Surrogate map of the reference bearing")
 a, b, c = st.columns([2, 2.4, 1], vertical_alignment="bottom")
 names = list(MODELS)
-name = a.selectbox("Model", names, index=names.index("forest"), key="model",
+name = a.selectbox("Model", names, key="model",
                    format_func=lambda k: f"{MODELS[k].label} ({MODELS[k].group})",
                    help="Paper: the four of Kuo, Lee and Wang. Interpolation: what a designer would do without them.")
-divisor = b.segmented_control("Cells trained on, of n solved ones", DIVISORS, default=8, key="divisor",
+divisor = b.segmented_control("Cells trained on, of n solved ones", DIVISORS, key="divisor",
                               format_func=lambda k: f"n/{k}") or 8
-seed = c.number_input("Draw", 0, 999, 0, key="draw", help="Which cells are drawn to train on: another number, other cells")
+seed = c.number_input("Draw", 0, 999, key="draw", help="Which cells are drawn to train on: another number, other cells")
 
 with errors_in_words():
     predicted = predicted_map(name, divisor, int(seed))
