@@ -25,6 +25,8 @@ surrogates      Models that predict a map from some of its cells: the paper's, i
 classifier      Regimes from the labels of some cells, or from predicted exponents
 uncertainty     Conformal intervals, probability of instability and its reliability
 evaluation      How well they do: the paper's metrics, tables and ranking
+what_if         What a changed drawing does to the margin; what a run-up crosses
+foreign         Exponents from elsewhere, read from CSV, to train and rank surrogates on
 refine          Where to solve next: cells worth solving, live or out of a solved map -> Refinement
 artifacts       What is shipped, with checksums
 learning_curve  What refining saves: errors over the number of solved cells, chosen and drawn at random

@@ -32,7 +32,8 @@ def test_csv_has_one_row_a_cell(m):
     table = pd.read_csv(io.BytesIO(csv_bytes(map_table(m))))
     assert len(table) == m.mle.size
     row = table.iloc[250 * 3 + 7]
-    assert row["bearing_number"] == pytest.approx(m.bearing_number[3]) and row["rotor_mass_kg"] == pytest.approx(m.rotor_mass[7])
+    assert row["bearing_number"] == pytest.approx(m.bearing_number[3])
+    assert row["rotor_mass_kg"] == pytest.approx(m.rotor_mass[7])
     assert row["mle"] == pytest.approx(m.mle[3, 7]) and row["regime"] == m.regime[3, 7]
 
 
