@@ -35,6 +35,7 @@ pretrained      Trained models and predicted maps: shipped, kept, or trained now
 release         Everything shipped that is computed from the map: rebuilt to the bit, verified
 figures         Plotly figures from results
 ui              The only part that knows Streamlit
+report          Design, points, figures, versions and command lines in one HTML file or PDF
 export          Results as files for others: figures as HTML and PNG, maps as NetCDF and CSV
 cli             The command ``spab``
 """

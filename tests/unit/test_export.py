@@ -10,7 +10,7 @@ from scipy.io import netcdf_file
 
 from spab_core.artifacts import load_reference_map
 from spab_core.design import InputError
-from spab_core.export import browser_found, csv_bytes, figure_html, figure_png, map_netcdf, map_table
+from spab_core.export import browser_path, csv_bytes, figure_html, figure_png, map_netcdf, map_table
 
 
 @pytest.fixture(scope="module")
@@ -46,9 +46,9 @@ def test_figures_need_no_network(chromium):
 
 def test_no_browser_is_a_sentence(monkeypatch):
     monkeypatch.setattr("choreographer.browsers.chromium.Chromium.find_browser", lambda **_: None)
-    browser_found.cache_clear()
+    browser_path.cache_clear()
     try:
         with pytest.raises(InputError, match="take the HTML instead"):
             figure_png(go.Figure())
     finally:
-        browser_found.cache_clear()
+        browser_path.cache_clear()
