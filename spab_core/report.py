@@ -70,7 +70,8 @@ def design_section(design: Design) -> Section:
         rows += [{"part": part.name, "value": f.metadata["text"], "": _digits(getattr(values, f.name)),
                   "unit": f.metadata["unit"]} for f in dataclasses.fields(values)]
     groups = (f"Porous feeding number β = {design.feeding_number:.4g}; shaft stiffness K = "
-              f"{design.shaft_stiffness_number:.4g}; unbalance ρ = {design.unbalance_number:.4g}; Λ = 1 is {design.speed_rpm(1.0):,.0f} rpm.")
+              f"{design.shaft_stiffness_number:.4g}; unbalance ρ = "
+              f"{design.unbalance_number:.4g}; Λ = 1 is {design.speed_rpm(1.0):,.0f} rpm.")
     return Section("Design", [groups], {"Values of the design, SI units": pd.DataFrame(rows)})
 
 
@@ -124,7 +125,8 @@ def report_pdf(page: str) -> bytes:
         source, target = Path(folder) / "report.html", Path(folder) / "report.pdf"
         source.write_text(page, "utf-8")
         command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer",
-                   "--virtual-time-budget=20000", f"--user-data-dir={folder}/profile", f"--print-to-pdf={target}", source.as_uri()]
+                   "--virtual-time-budget=20000", f"--user-data-dir={folder}/profile",
+                   f"--print-to-pdf={target}", source.as_uri()]
         try:
             subprocess.run(command, check=True, capture_output=True, timeout=PDF_SECONDS)
             return target.read_bytes()
