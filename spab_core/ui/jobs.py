@@ -10,7 +10,8 @@ from spab_core.ui.shared import errors_in_words
 _EVERY = 0.7  # seconds between two looks at a job
 
 
-def job_panel(kind: str, parameters: dict, label: str, key: str, *, auto: bool = False) -> Job | None:
+def job_panel(kind: str, parameters: dict, label: str, key: str, *, auto: bool = False,
+              files: dict[str, bytes] | None = None) -> Job | None:
     """Show a job and what can be done with it.
 
     Parameters
@@ -23,6 +24,8 @@ def job_panel(kind: str, parameters: dict, label: str, key: str, *, auto: bool =
         Prefix of the widgets' keys.
     auto : bool
         Start it without asking, once: a cancelled or failed one waits for the user.
+    files : dict
+        As in ``jobs.submit``.
 
     Returns
     -------
@@ -33,7 +36,7 @@ def job_panel(kind: str, parameters: dict, label: str, key: str, *, auto: bool =
         name = job_id(kind, parameters)
         job = find(name)
         if job is None and auto:
-            job = submit(kind, parameters)
+            job = submit(kind, parameters, files)
     if job is not None and job.active:
         st.fragment(_watch, run_every=_EVERY)(name, key)
         return None
@@ -47,7 +50,7 @@ def job_panel(kind: str, parameters: dict, label: str, key: str, *, auto: bool =
         label = "Try again"
     if st.button(label, key=f"{key}_start", type="primary"):
         with errors_in_words():
-            submit(kind, parameters)
+            submit(kind, parameters, files)
         st.rerun()
     return None
 
