@@ -45,7 +45,7 @@ if kind == "paper":
             other, value = (number, mass) if over_mass else (mass, number)
             title = f"Over rotor mass at Λ = {line.at:g}" if over_mass else f"Over bearing number at {line.at:g} kg"
             line_view(line, coordinates, sweeps, value if is_reference() and other == line.at else None, title,
-                      name=f"bifurcation_{line.vary}", file=ARTIFACTS / name, command=line_command(line, sweeps), height=520)
+                      name=f"bifurcation_{line.vary}", file=ARTIFACTS / name, command=line_command(line, sweeps), height=480)
     st.caption(f"Reference bearing, {line.metadata['mesh']} film nodes, {line.metadata['transient']} + "
                f"{line.metadata['revolutions']} revolutions a point, shipped with spab.")
     st.stop()
@@ -59,7 +59,7 @@ mass = b.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", ste
                       help="Of the chosen point, on one bearing")
 start = c.number_input(f"From, {unit}", *limits, key=f"{along}_from", step=0.1, format="%.3f")
 stop = d.number_input(f"To, {unit}", *limits, key=f"{along}_to", step=0.1, format="%.3f")
-count = e.number_input("Points", 2, 2000, key="points", step=50)
+count = e.number_input("Points", 2, 2000, key="points", step=10)
 with f.popover("Solver", width="stretch"):
     st.selectbox("Time integrator", METHODS, key="method", help="dtm: the paper's differential transformation, slower")
     st.text_input("Film mesh, latitudes x azimuths", key="mesh", max_chars=20)

@@ -52,7 +52,8 @@ def bifurcation_figure(line: Bifurcation, coordinates: Sequence[str] = ("X2",), 
         for row, coordinate in enumerate(coordinates, 1):
             x, y = _points(line.values, branch.section[:, :, COORDINATES.index(coordinate)])
             figure.add_scattergl(x=x, y=y, name=name, legendgroup=name, showlegend=row == 1, mode="markers", row=row, col=1,
-                                 marker={"color": colour, "size": 2.5}, hovertemplate="%{x:.4g}: %{y:.4f}<extra></extra>")
+                                 marker={"color": colour, "size": 2.5 if len(line.values) > 150 else 4},
+                                 hovertemplate="%{x:.4g}: %{y:.4f}<extra></extra>")
         figure.add_scatter(x=line.values.astype(np.float32), y=branch.mle.astype(np.float32), mode="lines", name=name,
                            legendgroup=name, showlegend=rows == 1, line={"color": colour, "width": 1}, row=rows, col=1,
                            customdata=(speed * line.values).astype(np.float32), text=branch.regime,
@@ -68,7 +69,7 @@ def bifurcation_figure(line: Bifurcation, coordinates: Sequence[str] = ("X2",), 
     if mark is not None and low <= mark <= high:
         shapes.append({"type": "line", "xref": "x", "yref": "paper", "x0": mark, "x1": mark, "y0": 0, "y1": 1,
                        "line": {"color": "#009E73", "width": 2, "dash": "dot"}})
-        figure.add_annotation(x=mark, xref="x", y=1, yref="paper", yanchor="top", xanchor="left", text="chosen point",
+        figure.add_annotation(x=mark, xref="x", y=0, yref="paper", yanchor="bottom", xanchor="left", text="chosen point",
                               showarrow=False, font={"color": "#009E73", "size": 12})
     figure.update_xaxes(range=[low, high])
     figure.update_xaxes(title=_LINE_LABELS[line.vary], row=rows, col=1)
@@ -77,10 +78,11 @@ def bifurcation_figure(line: Bifurcation, coordinates: Sequence[str] = ("X2",), 
         figure.update_yaxes(title=f"{coordinate.translate(_SUBSCRIPT)} / C ({body})", row=row, col=1)
     if over_speed:
         _rpm_axis(figure, low, high, speed)
+    legend = len(shown) > 1
     return figure.update_layout(
-        shapes=shapes, height=620, margin={"l": 70, "r": 10, "t": 60 if over_speed else 30, "b": 45},
-        legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0, "itemsizing": "constant",
-                "yref": "container" if over_speed else "paper"} | ({"y": 0.995, "yanchor": "top"} if over_speed else {}))
+        shapes=shapes, height=620, showlegend=legend,
+        margin={"l": 70, "r": 10, "t": 10 + 45 * over_speed + 25 * legend, "b": 45},
+        legend={"orientation": "h", "yref": "container", "y": 1.0, "yanchor": "top", "x": 0, "itemsizing": "constant"})
 
 
 def _points(values: np.ndarray, section: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -51,7 +51,8 @@ def line_command(line: Bifurcation, sweeps: Sequence[str], design_option: str = 
     full = "" if m["early_stop"] else " --full-length"
     return (f"spab bifurcation{design_option} --vary {line.vary} --at {line.at:.12g} --range "
             f"{line.values[0]:.12g}:{line.values[-1]:.12g}:{n} --sweeps {','.join(sweeps)} --mesh {m['mesh']} "
-            f"--method {m['method']} --scheme {m['scheme']} --transient {m['transient']} --revolutions {m['revolutions']}{full} --out line.npz")
+            f"--method {m['method']} --scheme {m['scheme']} --transient {m['transient']} "
+            f"--revolutions {m['revolutions']}{full} --out line.npz")
 
 
 def line_view(line: Bifurcation, coordinates: Sequence[str], sweeps: Sequence[str], mark: float | None, title: str, *,
@@ -62,7 +63,7 @@ def line_view(line: Bifurcation, coordinates: Sequence[str], sweeps: Sequence[st
     the figure, not under it.
     """
     figure = bifurcation_figure(line, coordinates, sweeps, mark).update_layout(height=height)
-    left, right = st.columns([3.4, 1], gap="medium") if beside else (st.container(), st.container())
+    left, right = st.columns([3, 1], gap="medium") if beside else (st.container(), st.container())
     with left:
         words, button = st.columns([3, 1], vertical_alignment="center")
         words.markdown(f"**{title}**")
@@ -82,6 +83,8 @@ def _intervals(line: Bifurcation, sweeps: Sequence[str], name: str, height: int)
         st.success("No chaotic point on this line.")
     else:
         st.caption(f"Chaotic intervals, first and last chaotic point; shaded: {next(s for s in line.branches if s in sweeps)}")
+        if len(sweeps) == 1:
+            table = table.drop(columns="sweep")
         st.dataframe(table, hide_index=True, key=f"{name}_intervals", height=min(height, 38 + 35 * len(table)), column_config={
             "sweep": "sweep",
             "first": st.column_config.NumberColumn(f"from, {unit}", format="%.4g"),
