@@ -7,7 +7,8 @@ import plotly.graph_objects as go
 from take_pictures import browser_page
 
 from spab_core.artifacts import BIFURCATIONS, load_reference_bifurcation, load_reference_map, load_reference_refinement
-from spab_core.figures import bifurcation_figure, learning_curve_figure, map_figure, refinement_figure
+from spab_core.figures import learning_curve_figure, map_figure, refinement_figure
+from spab_core.figures_lines import bifurcation_figure
 from spab_core.learning_curve import load_learning_curve
 
 DOCS = Path(__file__).resolve().parent
@@ -49,7 +50,7 @@ def main():
         for file in BIFURCATIONS:
             line = load_reference_bifurcation(file)
             for coordinate in ("X2", "Y2"):
-                draw(page, bifurcation_figure(line, coordinate), f"{Path(file).stem}_{coordinate}")
+                draw(page, bifurcation_figure(line, [coordinate]), f"{Path(file).stem}_{coordinate}")
         if (DOCS / "audit.csv").exists():
             draw(page, audit_figure(m), "audit")
         draw(page, refinement_figure(load_reference_refinement(), "Regime"), "refined_cells")

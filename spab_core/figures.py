@@ -7,7 +7,6 @@ import pandas as pd
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from spab_core.bifurcation import Bifurcation, chaotic_intervals
 from spab_core.learning_curve import COMMITTEE, summary
 from spab_core.point import OperatingPoint
 from spab_core.refine import LABELS, Refinement
@@ -156,52 +155,6 @@ def exponent_figure(point: OperatingPoint) -> go.Figure:
         xaxis={"title": "revolutions with a tangent" if point.trajectory.settled else "revolutions measured"},
         yaxis={"title": "MLE per revolution"},
         margin={"l": 60, "r": 10, "t": 40, "b": 40})
-
-
-_SWEEP_COLOURS = {"cold": NEUTRAL, "up": JOURNAL, "down": SECTION}
-_LINE_LABELS = {"rotor-mass": MASS_LABEL, "bearing-number": BEARING_NUMBER_LABEL}
-
-
-def bifurcation_figure(line: Bifurcation, coordinate: str = "X2") -> go.Figure:
-    """Section points along a line of operating points with the exponent under them on the same axis.
-
-    Parameters
-    ----------
-    line : Bifurcation
-    coordinate : str
-        ``X2``, ``Y2`` (journal), ``X1`` or ``Y1`` (disc).
-
-    Returns
-    -------
-    Figure
-        One trace a sweep and panel; chaotic intervals of the first sweep shaded.
-    """
-    column = ("X2", "Y2", "X1", "Y1").index(coordinate)
-    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.04, row_heights=[0.68, 0.32])
-    for name, branch in line.branches.items():
-        points = branch.section[:, :, column]
-        x = np.repeat(line.values, points.shape[1])
-        # a periodic orbit repeats its points: once each is enough
-        _, once = np.unique(np.column_stack([x, np.round(points.ravel(), 3)]), axis=0, return_index=True)
-        common = {"marker": {"color": _SWEEP_COLOURS[name], "size": 2}, "mode": "markers", "legendgroup": name}
-        figure.add_scattergl(x=x[once].astype(np.float32), y=points.ravel()[once], name=name, row=1, col=1, **common)
-        figure.add_scatter(x=line.values.astype(np.float32), y=branch.mle.astype(np.float32), mode="lines", name=name,
-                           legendgroup=name, showlegend=False, line={"color": _SWEEP_COLOURS[name], "width": 1}, row=2, col=1)
-    first = next(iter(line.branches.values()))
-    step = float(np.diff(line.values).min()) if len(line.values) > 1 else 0.0
-    for start, stop in chaotic_intervals(line.values, first.regime):
-        figure.add_vrect(x0=start - step / 2, x1=stop + step / 2, fillcolor=SECTION, opacity=0.12, line_width=0)
-    figure.add_hline(y=0, line={"color": NEUTRAL, "dash": "dash", "width": 1}, row=2, col=1)
-    at = f"Λ = {line.at:g}" if line.vary == "rotor-mass" else f"{line.at:g} kg"
-    body = "journal" if column < 2 else "disc"
-    figure.update_xaxes(range=[line.values.min() - step, line.values.max() + step])
-    figure.update_xaxes(title=_LINE_LABELS[line.vary], row=2, col=1)
-    figure.update_yaxes(title=f"{coordinate} / C ({body})", row=1, col=1)
-    figure.update_yaxes(title="MLE per revolution", range=[-1.0, 0.6], row=2, col=1)
-    return figure.update_layout(
-        title={"text": f"Section at τ = 2πk, {at}; shaded: chaotic ({next(iter(line.branches))})", "font_size": 14}, height=620,
-        margin={"l": 70, "r": 10, "t": 45, "b": 50}, legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0.55,
-                                                              "itemsizing": "constant"})
 
 
 def surrogate_figure(m: StabilityMap, predicted: PredictedMap) -> go.Figure:

@@ -42,17 +42,24 @@ def job_panel(kind: str, parameters: dict, label: str, key: str, *, auto: bool =
         return None
     if job is not None and job.state == "done":
         return job
-    if job is not None and job.state == "cancelled":
-        st.warning(f"Cancelled{_count(job)}. What is solved is kept.")
-        label = "Go on"
-    elif job is not None:
-        st.error(f"Failed: {job.message}.".replace("..", "."))
-        label = "Try again"
-    if st.button(label, key=f"{key}_start", type="primary"):
+    place = st.container()
+    if job is not None:
+        words, place = _row()
+        if job.state == "cancelled":
+            words.warning(f"Cancelled{_count(job)}. What is solved is kept.")
+            label = "Go on"
+        else:
+            words.error(f"Failed: {job.message}.".replace("..", "."))
+            label = "Try again"
+    if place.button(label, key=f"{key}_start", type="primary", width="content" if job is None else "stretch"):
         with errors_in_words():
             submit(kind, parameters, files)
         st.rerun()
     return None
+
+
+def _row():
+    return st.columns([5, 1], vertical_alignment="center")
 
 
 def _count(job: Job) -> str:
@@ -77,7 +84,7 @@ def _watch(name: str, key: str) -> None:
     words = ", ".join(filter(None, [f"{job.done:,} of {job.total:,}" if job.total else "", time_left(job.seconds_left)]))
     if job.state == "queued":
         words = f"Queued: {job.message}" if job.message else "Starting …"
-    bar, stop = st.columns([5, 1], vertical_alignment="bottom")
+    bar, stop = _row()
     bar.progress(min(job.done / job.total, 1.0) if job.total else 0.0, words or "Starting …")
     if stop.button("Cancel", key=f"{key}_cancel", width="stretch"):
         with errors_in_words():
