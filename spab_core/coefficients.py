@@ -6,9 +6,9 @@ frequency p (per unit tau) the film states are eliminated exactly,
     F = -Z(p) q,   Z(p) = -E - p G - B (p I - A)^-1 D,   Z(i nu) = K(nu) + i nu C(nu)
 
 (a Schur complement; for the eight coefficients see J. W. Lund, J. Tribology 109, 1987, pp. 37-41). In a gas film they depend
-on the frequency, because the gas is compressed. G is the damping of the asperities, zero where the journal is clear of the wall.
-A, B, D, E come from the compiled tangent of the very equations that are integrated in time, so the rotor on Z(p) has the
-eigenvalues of :func:`spab_core.stability.linear_spectrum`.
+on the frequency, because the gas is compressed. G is the damping of the asperities, zero where the journal is clear of the
+wall. A, B, D, E come from the compiled tangent of the very equations that are integrated in time, so the rotor on Z(p) has
+the eigenvalues of :func:`spab_core.stability.linear_spectrum`.
 """
 
 from __future__ import annotations
