@@ -49,9 +49,9 @@ def add_commands(commands, number) -> None:
     sub.add_argument("--rpm", help=f"shaft speed: {either}")
     sub.add_argument("--bearing-number", help=f"shaft speed as bearing number: {either}")
     sub.add_argument("--whirl", default=LEAST_STABLE,
-                     help="whirl frequency over shaft speed: a number (1: synchronous), START:STOP:COUNT at one shaft speed, "
-                          f"or {LEAST_STABLE} (left out): at each speed that of the rotor's least stable whirl, which gives the "
-                          "right limit of stability")
+                     help="whirl frequency over shaft speed: a number (1: synchronous), START:STOP:COUNT at one shaft speed "
+                          f"or {LEAST_STABLE} (left out): at each speed that of the rotor's least stable whirl, which gives "
+                          "the right limit of stability")
     sub.add_argument("--out", required=True, metavar="FILE", help=f"table; ends in {' or '.join(FORMATS)}")
 
 

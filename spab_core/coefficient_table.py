@@ -1,8 +1,8 @@
 """Coefficients as a table: CSV for anyone, XLSX as ``ross.BearingElement.from_table`` reads it (rad/s, N/m, N s/m).
 
-ROSS looks its coefficients up by shaft speed. A whirl that neither grows nor decays feels the coefficients at its own frequency,
-so a table with one row a speed, each at the frequency of the rotor's least stable whirl, gives ROSS the right limit of
-stability; synchronous rows give the response to unbalance.
+ROSS looks its coefficients up by shaft speed. A whirl that neither grows nor decays feels those at its own frequency: rows at
+the frequency of the rotor's least stable whirl at each speed give ROSS the right limit of stability, synchronous rows the
+response to unbalance.
 """
 
 from __future__ import annotations
