@@ -28,6 +28,7 @@ evaluation      How well they do: the paper's metrics, tables and ranking
 what_if         What a changed drawing does to the margin; what a run-up crosses
 foreign         Exponents from elsewhere, read from CSV, to train and rank surrogates on
 refine          Where to solve next: cells worth solving, live or out of a solved map -> Refinement
+quick_map       A map of one's own bearing in minutes
 artifacts       What is shipped, with checksums
 learning_curve  What refining saves: errors over the number of solved cells, chosen and drawn at random
 private_folder  Folders of this user alone

@@ -17,6 +17,9 @@ from spab_core.map_engine import remove_parts
 from spab_core.point import solve_point
 from spab_core.point_file import save_point
 from spab_core.private_folder import own_bytes
+from spab_core.quick_map import SECONDS, check_quick_map, quick_map
+from spab_core.quick_map import SETTINGS as MAP_SETTINGS
+from spab_core.refine import save_refinement
 from spab_core.simulate import Settings, check_point
 from spab_core.stability_map import axis
 from spab_core.surrogates import DIVISORS, MODELS, model
@@ -157,9 +160,37 @@ def _run_ranking(folder: Path, parameters: dict, advance: Advance, set_total: Se
     write_atomically(folder / "result.csv", csv_bytes(scores))
 
 
+def _check_map(parameters: dict) -> dict:
+    design, number, mass, seconds, seed, settings = _taken(
+        parameters, design={}, bearing_number=..., rotor_mass=..., seconds=SECONDS, seed=0, settings=MAP_SETTINGS.to_dict())
+    check_quick_map(number, mass, seconds)
+    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**32:
+        raise InputError(f"seed = {str(seed)[:40]} must be a whole number from 0 to {2**32 - 1}")
+    return {"design": Design.from_dict(design).to_dict(), "bearing_number": str(number), "rotor_mass": str(mass),
+            "seconds": float(seconds), "seed": seed, "settings": _settings(settings).to_dict()}
+
+
+def _run_map(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:
+    seconds, gone = parameters["seconds"], 0.0
+    set_total(round(seconds))
+
+    def progress(more: float) -> None:
+        nonlocal gone
+        before, gone = int(gone), min(gone + more, seconds)
+        advance(int(gone) - before)
+
+    number, mass = check_quick_map(parameters["bearing_number"], parameters["rotor_mass"], seconds)
+    result = quick_map(Design.from_dict(parameters["design"]), number, mass, Settings(**parameters["settings"]),
+                       seconds=seconds, seed=parameters["seed"], parts=folder / "parts", workers=min(2, os.cpu_count() or 1),
+                       progress=progress, publish=lambda r: save_refinement(r, folder / "result.npz"))
+    save_refinement(result, folder / "result.npz")
+    remove_parts(folder / "parts")
+
+
 KINDS = {
     "bifurcation": Kind("Bifurcation line", _check_bifurcation, _run_bifurcation),
     "point": Kind("Operating point", _check_point, _run_point),
+    "map": Kind("Map of a bearing", _check_map, _run_map),
     "sensitivity": Kind("What if", _check_sensitivity, _run_sensitivity, "result.json"),
     "ranking": Kind("Ranking on own data", _check_ranking, _run_ranking, "result.csv"),
 }
