@@ -24,7 +24,7 @@ def _chosen():
     state["line_chosen"] = True
 
 
-st.markdown("#### Bifurcation: section once a revolution, and exponent, along a line")
+st.markdown("#### Bifurcation diagrams")
 a, b, c = st.columns([2.6, 1.2, 1.2], vertical_alignment="bottom")
 kind = a.segmented_control("Line", LINES, key="line", on_change=_chosen, format_func={
     "paper": "The paper's two lines", "rotor-mass": "Over mass, through my point",
@@ -52,15 +52,15 @@ if kind == "paper":
 
 over_mass = kind == "rotor-mass"
 along, limits, unit = ("mass", ROTOR_MASS_RANGE, "kg") if over_mass else ("number", BEARING_NUMBER_RANGE, "Λ")
-a, b, c, d, e, f = st.columns([1, 1, 1, 1, 1, 0.8], vertical_alignment="bottom")
-number = a.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, key="bearing_number", step=0.05, format="%.3f",
-                        help="Of the chosen point, the same on every page")
-mass = b.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%.3f",
-                      help="Of the chosen point, on one bearing")
-start = c.number_input(f"From, {unit}", *limits, key=f"{along}_from", step=0.1, format="%.3f")
-stop = d.number_input(f"To, {unit}", *limits, key=f"{along}_to", step=0.1, format="%.3f")
-count = e.number_input("Points", 2, 2000, key="points", step=10)
-with f.popover("Solver", width="stretch"):
+row = st.container(horizontal=True, vertical_alignment="bottom")
+number = row.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, key="bearing_number", step=0.05, format="%.3f",
+                          help="Of the chosen point, the same on every page", width=160)
+mass = row.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%.3f",
+                        help="Of the chosen point, on one bearing", width=160)
+start = row.number_input(f"From, {unit}", *limits, key=f"{along}_from", step=0.1, format="%.3f", width=160)
+stop = row.number_input(f"To, {unit}", *limits, key=f"{along}_to", step=0.1, format="%.3f", width=160)
+count = row.number_input("Points", 2, 2000, key="points", step=10, width=160)
+with row.popover("Solver"):
     st.selectbox("Time integrator", METHODS, key="method", help="dtm: the paper's differential transformation, slower")
     st.text_input("Film mesh, latitudes x azimuths", key="mesh", max_chars=20)
     st.number_input("Revolutions before the measurement", 0, 5000, key="transient", step=50)

@@ -42,7 +42,7 @@ def bifurcation_figure(line: Bifurcation, coordinates: Sequence[str] = ("X2",), 
     """
     shown = [name for name in line.branches if sweeps is None or name in sweeps]
     rows, height = len(coordinates) + 1, 0.32 if len(coordinates) < 2 else 0.24
-    figure = make_subplots(rows=rows, cols=1, shared_xaxes=True, vertical_spacing=0.03,
+    figure = make_subplots(rows=rows, cols=1, shared_xaxes=True, vertical_spacing=0.045,
                            row_heights=[*[(1 - height) / max(rows - 1, 1)] * (rows - 1), height])
     speed = Design.from_dict(line.metadata["design"]).speed_rpm(1.0)
     over_speed = line.vary == "bearing-number"

@@ -39,9 +39,9 @@ ACTIVE = ("queued", "running")
 STOPPED = "the worker was stopped; start it again to go on"
 _ID = re.compile(r"[a-z][a-z0-9-]{0,30}-[0-9a-f]{16}")
 _MAX_BYTES = 1_000_000  # of a job.json
-_START_SECONDS = 60.0  # for a worker to show up, on a busy machine
+_START_SECONDS = 120.0  # for a worker to show up, on a busy machine
 _WRITE_SECONDS, _LOOK_SECONDS = 0.25, 0.2
-_CANCEL_SECONDS = 5.0
+_CANCEL_SECONDS = 10.0
 _workers: dict[str, subprocess.Popen] = {}  # started by this process
 # job.json, with the types of its values
 _FIELDS: dict[str, tuple] = {

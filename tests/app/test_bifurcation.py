@@ -106,7 +106,8 @@ def test_a_design_of_their_own_has_no_map_to_look_at():
     assert not figures(at) and at.button(key="line_job_start")
     at.button_group(key="line").set_value("paper").run()
     assert len(figures(at)) == 2  # of the reference bearing: their point is none of it
-    assert not any(shape["type"] == "line" and shape["x0"] in (4.52, 3.45) for f in figures(at) for shape in f["layout"]["shapes"])
+    shapes = [shape for figure in figures(at) for shape in figure["layout"]["shapes"]]
+    assert not any(shape["type"] == "line" and shape["x0"] in (4.52, 3.45) for shape in shapes)
 
 
 @pytest.mark.parametrize("line, along", [("rotor-mass", "mass"), ("bearing-number", "number")])
