@@ -134,8 +134,9 @@ def forces(revolution: Revolution) -> dict[str, np.ndarray]:
     Returns
     -------
     dict
-        ``film`` and ``contact`` on the journal, ``unbalance`` and ``gravity`` on the whole rotor: their sum is the rotor's mass
-        times its acceleration (docs/model.md). ``shaft``, on the journal, is internal and not of the sum; nan for a rigid rotor.
+        ``film`` and ``contact`` on the journal, ``unbalance`` and ``gravity`` on the whole rotor: their sum is the rotor's
+        mass times its acceleration (docs/model.md). ``shaft``, on the journal, is internal and not of the sum; nan for a
+        rigid rotor.
     """
     r, d = revolution, revolution.design
     mass, load = d.mass_number(r.rotor_mass, r.bearing_number), d.load_number(r.rotor_mass)
@@ -162,12 +163,15 @@ class Surface:
         From the lower to the upper edge, rad.
     azimuth : ndarray, (A + 1,)
         Once around, both ends, rad.
+    angle : ndarray, (K,)
+        Shaft angle of each picture, degrees.
     thickness, pressure : ndarray, (K, A + 1, L)
         H over C and P over ambient.
     """
 
     latitude: np.ndarray
     azimuth: np.ndarray
+    angle: np.ndarray
     thickness: np.ndarray
     pressure: np.ndarray
 
@@ -197,4 +201,4 @@ def surface(revolution: Revolution, every: int = 3, azimuths: int = 72, latitude
     azimuth = np.linspace(0.0, 2.0 * math.pi, azimuths + 1)
     x, y = r.states[picked, 0][:, None, None], r.states[picked, 1][:, None, None]
     gap = 1.0 - np.cos(edge * s) * (x * np.cos(azimuth)[:, None] + y * np.sin(azimuth)[:, None])
-    return Surface(edge * s, azimuth, gap, np.sqrt(np.maximum(1.0 + closed, 0.0)))
+    return Surface(edge * s, azimuth, r.angle[picked], gap, np.sqrt(np.maximum(1.0 + closed, 0.0)))

@@ -53,8 +53,8 @@ def spectrum(signal: np.ndarray, samples_per_revolution: int, window: str = "han
     Returns
     -------
     Spectrum
-        A sine at an order of the spectrum has its own amplitude there (the amplitude scaling of Heinzel, Ruediger and Schilling,
-        Spectrum and spectral density estimation by the DFT, 2002, section 9: twice the transform over the window's sum).
+        A sine at an order of the spectrum has its own amplitude there: twice the transform over the window's sum (Heinzel,
+        Ruediger and Schilling, Spectrum and spectral density estimation by the DFT, 2002, section 9).
 
     Raises
     ------
@@ -66,7 +66,7 @@ def spectrum(signal: np.ndarray, samples_per_revolution: int, window: str = "han
     if window not in WINDOWS:
         raise InputError(f"window = {str(window)[:40]!r} is not allowed: choose {' or '.join(WINDOWS)}")
     if n < 16 or not np.isfinite(x).all():
-        raise InputError(f"a spectrum needs at least 16 finite samples, not {n} of which {int(np.isfinite(x).sum())} are finite")
+        raise InputError(f"a spectrum needs at least 16 finite samples: {int(np.isfinite(x).sum())} of {n} are finite")
     w = hann(n, sym=False) if window == "hann" else np.ones(n)
     amplitude = 2.0 * np.abs(np.fft.rfft((x - x.mean()) * w)) / w.sum()
     amplitude[0] /= 2.0
