@@ -25,14 +25,21 @@ surrogates      Models that predict a map from some of its cells: the paper's, i
 classifier      Regimes from the labels of some cells, or from predicted exponents
 uncertainty     Conformal intervals, probability of instability and its reliability
 evaluation      How well they do: the paper's metrics, tables and ranking
+what_if         What a changed drawing does to the margin; what a run-up crosses
+foreign         Exponents from elsewhere, read from CSV, to train and rank surrogates on
 refine          Where to solve next: cells worth solving, live or out of a solved map -> Refinement
 artifacts       What is shipped, with checksums
 learning_curve  What refining saves: errors over the number of solved cells, chosen and drawn at random
+private_folder  Folders of this user alone
 model_cache     Where models trained on this machine are kept
 pretrained      Trained models and predicted maps: shipped, kept, or trained now; checked before they are opened
 release         Everything shipped that is computed from the map: rebuilt to the bit, verified
+point_file      A solved operating point as a file
+job_kinds       What a background job can be
+jobs            Long work in a worker process, its state on disk: queued, running, cancelled, failed, done
 figures         Plotly figures from results
 ui              The only part that knows Streamlit
+report          Design, points, figures, versions and command lines in one HTML file or PDF
 export          Results as files for others: figures as HTML and PNG, maps as NetCDF and CSV
 cli             The command ``spab``
 """

@@ -6,16 +6,19 @@ neighbour ended, so that coexisting motions (hysteresis) show.
 
 from __future__ import annotations
 
+import contextlib
 import json
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent import futures
 from dataclasses import dataclass
 from pathlib import Path
 
-import joblib
 import numpy as np
+from joblib.externals.loky import ProcessPoolExecutor
 
 from spab_core.design import Design, InputError, write_atomically
-from spab_core.map_engine import cell_values, cluster_or_processes
+from spab_core.map_engine import cell_values, compile_once, locked, open_run, read_part
 from spab_core.point import OperatingPoint, solve_point
 from spab_core.simulate import Settings, check_point
 from spab_core.stability_map import FIELDS, UNREADABLE, map_metadata, npz_bytes
@@ -26,7 +29,8 @@ SECTION_POINTS = 60
 MAX_POINTS = 20_000
 _COLUMNS: dict[str, type | str] = {name: FIELDS[name] for name in (
     "mle", "mle_standard_error", "regime", "period", "status", "contact_share")}
-_COLD_CHUNK = 10
+_ARRAYS = {"section": np.float32, **_COLUMNS}  # of a Branch
+PIECE = 5  # points solved between two checkpoints
 
 
 @dataclass(frozen=True)
@@ -103,21 +107,49 @@ def _row(point: OperatingPoint) -> dict:
     return cell_values(point) | {"section": kept}
 
 
-def _sweep(design: Design, points: Sequence[tuple[float, float]], settings: Settings, carry: bool) -> list[dict]:
-    """Rows of operating points, one after the other; with ``carry`` each from where the one before ended."""
+def _solve_piece(design: Design, points: Sequence[tuple[float, float]], settings: Settings, carry: bool,
+                 start: np.ndarray | None) -> dict[str, np.ndarray]:
+    """Arrays of operating points solved one after the other; with ``carry`` each from where the one before ended.
+
+    ``start`` is the state to begin from; the one to go on from is returned under that name, empty where there is none.
+    """
     rows = []
-    start = None
     for mass, number in points:
-        point = solve_point(design, mass, number, settings, start=start if carry else None)
-        if carry and point.trajectory.status != "ok" and start is not None:
+        point = solve_point(design, mass, number, settings, start=start)
+        if point.trajectory.status != "ok" and start is not None:
             point = solve_point(design, mass, number, settings)
-        start = point.trajectory.final if point.trajectory.status == "ok" else None
+        start = point.trajectory.final if carry and point.trajectory.status == "ok" else None
         rows.append(_row(point))
-    return rows
+    return {name: np.array([row[name] for row in rows], dtype) for name, dtype in _ARRAYS.items()} | {
+        "start": np.empty(0) if start is None else start}
+
+
+class _Here(futures.Executor):
+    """Runs what is submitted at once, in this process."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        future: futures.Future = futures.Future()
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+@contextlib.contextmanager
+def _executor(workers: int) -> Iterator[futures.Executor]:
+    if workers == 1:
+        yield _Here()
+        return
+    compile_once()
+    processes = ProcessPoolExecutor(max_workers=workers)
+    done = False
+    try:
+        yield processes
+        done = True
+    finally:
+        processes.shutdown(wait=done, kill_workers=not done)
 
 
 def compute_bifurcation(design: Design, vary: str, at: float, values: np.ndarray, settings: Settings | None = None, *,
-                        sweeps: Sequence[str] = SWEEPS, workers: int = 1,
+                        sweeps: Sequence[str] = SWEEPS, workers: int = 1, parts: Path | None = None,
                         progress: Callable[[int], None] | None = None) -> Bifurcation:
     """Solve a line of operating points.
 
@@ -135,9 +167,11 @@ def compute_bifurcation(design: Design, vary: str, at: float, values: np.ndarray
     sweeps : sequence of str
         Of :data:`SWEEPS`.
     workers : int
-        Processes. Sweeps up and down are one task each.
+        Processes. Sweeps up and down use one each at a time.
+    parts : Path, optional
+        Folder for finished pieces. A run that finds its own pieces there goes on from them, to the same bits.
     progress : callable
-        Called with the number of points done since the last call.
+        Called with the number of points done since the last call; first with those found in ``parts``, 0 too.
 
     Returns
     -------
@@ -146,37 +180,67 @@ def compute_bifurcation(design: Design, vary: str, at: float, values: np.ndarray
     Raises
     ------
     InputError
-        For a line out of range, an unknown parameter or sweep.
+        For a line out of range, an unknown parameter or sweep, or parts of another run or in use.
     """
     settings = settings or Settings(revolutions=300)
     values = np.asarray(values, float)
     check_line(vary, at, values, sweeps)
     points = [_point_at(vary, at, float(v)) for v in values]
-    tasks = []
-    for sweep in sorted(set(sweeps), key=("up", "down", "cold").index):  # the two long ones first
-        size = _COLD_CHUNK if sweep == "cold" else len(points)
-        order = np.arange(len(points))[::-1 if sweep == "down" else 1]
-        tasks += [(sweep, order[k:k + size]) for k in range(0, len(points), size)]
-    found: dict[str, dict[int, dict]] = {sweep: {} for sweep in sweeps}
-    with cluster_or_processes(workers) as run:
-        jobs = (joblib.delayed(_numbered)(k, design, [points[i] for i in order], settings, sweep != "cold")
-                for k, (sweep, order) in enumerate(tasks))
-        for k, rows in run(jobs):
-            sweep, order = tasks[k]
-            found[sweep].update(zip(order.tolist(), rows, strict=True))
-            if progress:
-                progress(len(rows))
+    orders, run_hash = {}, ""
+    for sweep in sorted(set(sweeps), key=("up", "down", "cold").index):  # the two that cannot be shared out first
+        indices = np.arange(len(points))[::-1 if sweep == "down" else 1]
+        orders[sweep] = [indices[k:k + PIECE] for k in range(0, len(points), PIECE)]
+    if parts:
+        other = np.array([at], float)
+        number, mass = (other, values) if vary == "rotor-mass" else (values, other)
+        run_hash = open_run(parts, design, number, mass, settings, line=[vary, *orders], piece_points=PIECE)
+    with locked(parts), _executor(workers) as executor:
+        found = {sweep: _kept_pieces(parts, sweep, orders[sweep], run_hash) for sweep in orders}
+        if progress:
+            progress(sum(len(orders[sweep][k]) for sweep in found for k in found[sweep]))
+        ready: deque[tuple[str, int]] = deque()  # pieces that can be solved now
+        for sweep, order in orders.items():
+            missing = [k for k in range(len(order)) if k not in found[sweep]]
+            ready += [(sweep, k) for k in (missing if sweep == "cold" else missing[:1])]
+        waiting: dict[futures.Future, tuple[str, int]] = {}
+        while ready or waiting:
+            while ready and len(waiting) < workers:
+                sweep, k = ready.popleft()
+                start = found[sweep][k - 1]["start"] if sweep != "cold" and k else np.empty(0)
+                waiting[executor.submit(_solve_piece, design, [points[i] for i in orders[sweep][k]], settings,
+                                        sweep != "cold", start if start.size else None)] = sweep, k
+            for future in futures.wait(waiting, return_when=futures.FIRST_COMPLETED).done:
+                sweep, k = waiting.pop(future)
+                piece = found[sweep][k] = future.result()
+                if parts:
+                    write_atomically(_part(parts, sweep, k), npz_bytes(piece | {"run": np.array(run_hash)}))
+                if sweep != "cold" and k + 1 < len(orders[sweep]):
+                    ready.appendleft((sweep, k + 1))
+                if progress:
+                    progress(len(orders[sweep][k]))
     branches = {}
     for sweep in SWEEPS:
         if sweep in found:
-            rows = [found[sweep][i] for i in range(len(points))]
-            columns = {name: np.array([row[name] for row in rows], dtype) for name, dtype in _COLUMNS.items()}
-            branches[sweep] = Branch(np.stack([row["section"] for row in rows]), **columns)
+            back = np.argsort(np.concatenate(orders[sweep]))
+            branches[sweep] = Branch(**{name: np.concatenate([found[sweep][k][name] for k in sorted(found[sweep])])[back]
+                                        for name in _ARRAYS})
     return Bifurcation(vary, float(at), values, branches, map_metadata(design, settings, (len(values),)))
 
 
-def _numbered(number, *arguments):
-    return number, _sweep(*arguments)
+def _part(parts: Path, sweep: str, k: int) -> Path:
+    return parts / f"chunk-{sweep}-{k:06d}.npz"
+
+
+def _kept_pieces(parts: Path | None, sweep: str, order: Sequence[np.ndarray], run_hash: str) -> dict[int, dict]:
+    """The pieces of an earlier run, by number; of a sweep that carries its state those before the first that is missing."""
+    found = {}
+    for k, indices in enumerate(order):
+        path = _part(parts, sweep, k) if parts else None
+        if path and path.exists():
+            found[k] = read_part(path, (*_ARRAYS, "start"), _ARRAYS, len(indices), run_hash)
+        elif sweep != "cold":
+            break
+    return found
 
 
 def chaotic_intervals(values: np.ndarray, regime: np.ndarray) -> list[tuple[float, float]]:

@@ -31,12 +31,12 @@ _NUMBERS = {
 
 
 @functools.cache
-def browser_found() -> bool:
-    """Whether this machine has a browser that draws PNG pictures."""
+def browser_path() -> str | None:
+    """Chromium or Chrome of this machine, which draws PNG pictures and prints PDF; None where there is none."""
     try:
-        return Chromium.find_browser(skip_local=False) is not None
+        return Chromium.find_browser(skip_local=False)
     except (ChromeNotFoundError, OSError):
-        return False
+        return None
 
 
 def figure_html(figure: go.Figure) -> bytes:
@@ -52,7 +52,7 @@ def figure_png(figure: go.Figure, width: int = PNG_SIZE[0], height: int = PNG_SI
     InputError
         Where there is no browser, or it fails.
     """
-    if not browser_found():
+    if browser_path() is None:
         raise InputError("a PNG is drawn by Chromium or Chrome, and none is found on this machine: take the HTML instead")
     try:
         return go.Figure(figure, layout_template="plotly_white").to_image(format="png", width=width, height=height, scale=2)

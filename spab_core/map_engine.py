@@ -10,7 +10,7 @@ import hashlib
 import json
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import filelock
@@ -108,13 +108,19 @@ def locked(folder: Path | None) -> Iterator[None]:
         lock.release()
 
 
+def compile_once() -> None:
+    """Compile the kernels here if no process has: before several would do it at once."""
+    if not is_compiled():
+        solve_point(reference_design(), 4.0, 3.0, Settings(transient=0, revolutions=20))
+
+
 @contextlib.contextmanager
 def cluster_or_processes(workers: int, cluster: str | None = None) -> Iterator[joblib.Parallel]:
     """joblib's worker processes, or those of a Dask cluster."""
     options = {"return_as": "generator_unordered", "pre_dispatch": "2*n_jobs"}
     if cluster is None:
-        if workers > 1 and not is_compiled():  # once, not once in every worker
-            solve_point(reference_design(), 4.0, 3.0, Settings(transient=0, revolutions=20))
+        if workers > 1:
+            compile_once()
         yield joblib.Parallel(n_jobs=workers, **options)
         return
     try:
@@ -173,7 +179,7 @@ def compute_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarr
         for k in range(len(chunks)):
             path = parts / f"chunk-{k:06d}.npz" if parts else None
             if path and path.exists():
-                results[k] = _read_chunk(path, len(chunks[k]), run_hash)
+                results[k] = read_part(path, (*FIELDS, "seconds", "steps"), FIELDS, len(chunks[k]), run_hash)
         if progress:
             progress(sum(len(chunks[k]) for k in results))
         missing = [k for k in range(len(chunks)) if k not in results]
@@ -201,13 +207,20 @@ def compute_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarr
     return StabilityMap(bearing_number, rotor_mass, **arrays, metadata=metadata)
 
 
-def _read_chunk(path: Path, cells: int, run_hash: str) -> dict:
+def read_part(path: Path, names: Iterable[str], per_point: Iterable[str], count: int, run_hash: str) -> dict:
+    """The arrays of a finished chunk, with ``count`` entries in those that have one a point.
+
+    Raises
+    ------
+    MapError
+        For a file that is damaged or belongs to another run.
+    """
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-            result = {name: data[name] for name in (*FIELDS, "seconds", "steps", "run")}
+            result = {name: data[name] for name in (*names, "run")}
     except UNREADABLE as error:
         raise MapError(f"{path} is damaged ({error}); delete it to compute that chunk again") from None
-    if str(result.pop("run")) != run_hash or any(result[name].shape != (cells,) for name in FIELDS):
+    if str(result.pop("run")) != run_hash or any(result[name].shape[:1] != (count,) for name in per_point):
         raise MapError(f"{path} belongs to another run; delete it to compute that chunk again")
     return result
 

@@ -10,18 +10,15 @@ import contextlib
 import hashlib
 import json
 import os
-import stat
 from pathlib import Path
 
+from spab_core import private_folder
 from spab_core.artifacts import ArtifactError
 from spab_core.design import write_atomically
 
 VARIABLE = "SPAB_CACHE"
 MAX_BYTES = 1_000_000_000  # of all models together; the oldest go first
 _MAX_SIDE_BYTES = 100_000
-_FLAGS = os.O_RDONLY
-for _name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY"):  # no link, no waiting for a pipe; not every system has all
-    _FLAGS |= getattr(os, _name, 0)
 
 
 class CacheError(ArtifactError):
@@ -30,45 +27,12 @@ class CacheError(ArtifactError):
 
 def wanted_folder() -> Path:
     """$SPAB_CACHE, else $XDG_CACHE_HOME/spab, else ~/.cache/spab; may not exist. Raises :class:`CacheError` without a home."""
-    if os.environ.get(VARIABLE):
-        return Path(os.environ[VARIABLE]).absolute()
-    base = os.environ.get("XDG_CACHE_HOME", "")
-    if Path(base).is_absolute():  # its specification: a relative one is ignored
-        return Path(base) / "spab"
-    try:
-        return Path.home() / ".cache" / "spab"
-    except RuntimeError:
-        raise CacheError(f"there is no home folder to keep models in: set {VARIABLE} to a folder of yours") from None
+    return private_folder.wanted_folder(VARIABLE, "XDG_CACHE_HOME", ".cache", "spab", "models", CacheError)
 
 
 def cache_folder() -> Path:
-    """The folder, made if need be with mode 0700.
-
-    Raises
-    ------
-    CacheError
-        Where it cannot be made or written, is no folder, belongs to someone else, or others can enter it.
-    """
-    path = wanted_folder()
-    try:
-        path.mkdir(parents=True, exist_ok=True, mode=0o700)
-        found = path.lstat()
-        writable = os.access(path, os.W_OK | os.X_OK)
-    except (OSError, ValueError) as error:
-        raise CacheError(f"models cannot be kept in {path} ({getattr(error, 'strerror', None) or error}): set {VARIABLE} to "
-                         "a folder of yours") from None
-    if not stat.S_ISDIR(found.st_mode) or not writable:
-        raise CacheError(f"models cannot be kept in {path}: it is no folder that can be written; set {VARIABLE} to one")
-    if not _private(found):
-        raise CacheError(f"models are not kept in {path}: it must be yours alone (chmod 700); or set {VARIABLE} to a folder "
-                         "that is")
-    return path
-
-
-def _private(found: os.stat_result) -> bool:
-    if not hasattr(os, "getuid"):
-        return True  # Windows: a profile's folders are the user's by their access lists
-    return found.st_uid == os.getuid() and not found.st_mode & 0o077
+    """The folder, made if need be with mode 0700. Raises :class:`CacheError` as :func:`private_folder.private_folder`."""
+    return private_folder.private_folder(wanted_folder(), VARIABLE, "models", CacheError)
 
 
 def read(name: str) -> tuple[bytes, dict] | None:
@@ -81,8 +45,8 @@ def read(name: str) -> tuple[bytes, dict] | None:
     """
     folder = cache_folder()
     try:
-        data = _own_bytes(folder / name)
-        side = _own_bytes(folder / f"{name}.json", _MAX_SIDE_BYTES)
+        data = private_folder.own_bytes(folder / name, MAX_BYTES)
+        side = private_folder.own_bytes(folder / f"{name}.json", _MAX_SIDE_BYTES)
     except FileNotFoundError:
         return None
     except OSError as error:
@@ -97,17 +61,6 @@ def read(name: str) -> tuple[bytes, dict] | None:
     with contextlib.suppress(OSError):
         os.utime(folder / name)  # the least recently used goes first
     return data, made_from
-
-
-def _own_bytes(path: Path, limit: int = MAX_BYTES) -> bytes:
-    """The bytes of a regular file of this user; a link is not followed."""
-    with os.fdopen(os.open(path, _FLAGS), "rb") as file:
-        found = os.fstat(file.fileno())
-        if not stat.S_ISREG(found.st_mode) or (hasattr(os, "getuid") and found.st_uid != os.getuid()):
-            raise PermissionError(0, "it is no regular file of yours")
-        if found.st_size > limit:
-            raise OSError(0, f"it has more than {limit} bytes")
-        return file.read()
 
 
 def write(path: Path, data: bytes, made_from: dict) -> None:

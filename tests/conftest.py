@@ -17,15 +17,12 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 @pytest.fixture(scope="session", autouse=True)
-def own_model_cache(tmp_path_factory):
-    """Models that tests train are kept apart from the user's."""
-    before = os.environ.get("SPAB_CACHE")
-    os.environ["SPAB_CACHE"] = str(tmp_path_factory.mktemp("models") / "cache")
-    yield
-    if before is None:
-        del os.environ["SPAB_CACHE"]
-    else:
-        os.environ["SPAB_CACHE"] = before
+def own_folders(tmp_path_factory):
+    """Models that tests train and jobs that they start are kept apart from the user's."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SPAB_CACHE", str(tmp_path_factory.mktemp("models") / "cache"))
+        patch.setenv("SPAB_JOBS", str(tmp_path_factory.mktemp("work") / "jobs"))
+        yield
 
 
 @pytest.fixture(scope="session")

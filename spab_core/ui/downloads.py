@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from spab_core.design import Design, design_toml
-from spab_core.export import browser_found, csv_bytes, figure_html, figure_png
+from spab_core.export import browser_path, csv_bytes, figure_html, figure_png
 from spab_core.ui.view import chosen_design, is_reference
 
 _KINDS = {"npz": ("Data, NPZ", "application/octet-stream"), "nc": ("Data, NetCDF", "application/x-netcdf"),
@@ -51,7 +51,7 @@ def downloads(name: str, figures: dict[str, go.Figure], tables: dict[str, Callab
             html.download_button(f"{title}, HTML", partial(figure_html, figure), f"{stem}.html", "text/html",
                                  key=f"{stem}_html", on_click="ignore", width="stretch")
             png.download_button(f"{title}, PNG", partial(figure_png, figure), f"{stem}.png", "image/png", key=f"{stem}_png",
-                                on_click="ignore", width="stretch", disabled=not browser_found(), help=_PNG_HELP)
+                                on_click="ignore", width="stretch", disabled=browser_path() is None, help=_PNG_HELP)
         for title, table in (tables or {}).items():
             stem = _stem(name, title)
             st.download_button(f"{title}, CSV", partial(_csv, table), f"{stem}.csv", "text/csv", key=f"{stem}_csv",

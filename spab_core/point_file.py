@@ -1,0 +1,67 @@
+"""A solved operating point as a file: NPZ without pickles, from which every figure of the point can be drawn again."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+
+from spab_core.design import Design, InputError, write_atomically
+from spab_core.floquet import Settled
+from spab_core.integrate import STATUS
+from spab_core.lyapunov import Exponent
+from spab_core.point import OperatingPoint
+from spab_core.regimes import REGIMES, Regime
+from spab_core.simulate import Settings, Trajectory
+from spab_core.stability_map import UNREADABLE, map_metadata, npz_bytes
+
+_ARRAYS = {"section": 2, "growth": 1, "contact": 1, "peak": 1, "path": 3, "final": 1}  # of a Trajectory, with their dimensions
+_ROTOR_STATES = {"section", "path"}
+
+
+def save_point(point: OperatingPoint, path: str | Path) -> None:
+    """Write an operating point as NPZ, atomically: its ``Trajectory``, the ``trace`` of its exponent, ``metadata``."""
+    t = point.trajectory
+    arrays = {name: getattr(t, name) for name in _ARRAYS}
+    about = map_metadata(point.design, point.settings, ()) | {
+        "settings": point.settings.to_dict(), "rotor_mass": point.rotor_mass, "bearing_number": point.bearing_number,
+        "status": t.status, "completed": t.completed, "steps": t.steps, "wall_seconds": t.wall_seconds,
+        "settled": dataclasses.asdict(t.settled) if t.settled else None,
+        "mle": [point.mle.value, point.mle.standard_error] if point.mle else None,
+        "regime": dataclasses.asdict(point.regime) if point.regime else None,
+    }
+    arrays |= {"trace": point.mle.trace if point.mle else np.empty(0), "metadata": np.array(json.dumps(about))}
+    write_atomically(path, npz_bytes(arrays))
+
+
+def load_point(path: str | Path) -> OperatingPoint:
+    """Read what :func:`save_point` wrote; nothing in it is ever unpickled.
+
+    Raises
+    ------
+    InputError
+        For a file that is none.
+    """
+    try:
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as data:
+            about = json.loads(str(data["metadata"]))
+            arrays = {name: np.asarray(data[name], float) for name in _ARRAYS}
+            trace = np.asarray(data["trace"], float)
+        fits = all(arrays[name].ndim == n for name, n in _ARRAYS.items()) and trace.ndim == 1
+        if not fits or any(arrays[name].shape[-1] != 8 for name in _ROTOR_STATES) or about["status"] not in STATUS:
+            raise InputError(f"{path} is no operating point: its arrays do not fit together")
+        settled = Settled(**about["settled"]) if about["settled"] else None
+        mle = Exponent(float(about["mle"][0]), float(about["mle"][1]), trace) if about["mle"] else None
+        regime = Regime(**about["regime"]) if about["regime"] else None
+        if (mle is None) != (regime is None) or (regime and regime.name not in REGIMES):
+            raise InputError(f"{path} is no operating point: regime and exponent do not fit together")
+        trajectory = Trajectory(about["status"], int(about["completed"]), **arrays, steps=int(about["steps"]),
+                                wall_seconds=float(about["wall_seconds"]), settled=settled)
+        return OperatingPoint(Design.from_dict(about["design"]), float(about["rotor_mass"]), float(about["bearing_number"]),
+                              Settings(**about["settings"]), trajectory, mle, regime)
+    except InputError:
+        raise
+    except (*UNREADABLE, TypeError, AttributeError) as error:
+        raise InputError(f"cannot read the operating point {str(path)!r}: {error}") from None

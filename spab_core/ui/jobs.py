@@ -1,0 +1,82 @@
+"""A background job on a page: start, progress, time left, cancel, and its result once it is there."""
+
+from __future__ import annotations
+
+import streamlit as st
+
+from spab_core.jobs import Job, cancel, find, job_id, submit
+from spab_core.ui.shared import errors_in_words
+
+_EVERY = 0.7  # seconds between two looks at a job
+
+
+def job_panel(kind: str, parameters: dict, label: str, key: str, *, auto: bool = False) -> Job | None:
+    """Show a job and what can be done with it.
+
+    Parameters
+    ----------
+    kind, parameters
+        The request; the same one finds its job again, on any page, after a reload or a restart of the server.
+    label : str
+        Of the start button.
+    key : str
+        Prefix of the widgets' keys.
+    auto : bool
+        Start it without asking, once: a cancelled or failed one waits for the user.
+
+    Returns
+    -------
+    Job or None
+        None until it is done.
+    """
+    with errors_in_words():
+        name = job_id(kind, parameters)
+        job = find(name)
+        if job is None and auto:
+            job = submit(kind, parameters)
+    if job is not None and job.active:
+        st.fragment(_watch, run_every=_EVERY)(name, key)
+        return None
+    if job is not None and job.state == "done":
+        return job
+    if job is not None and job.state == "cancelled":
+        st.warning(f"Cancelled{_count(job)}. What is solved is kept.")
+        label = "Go on"
+    elif job is not None:
+        st.error(f"Failed: {job.message}.".replace("..", "."))
+        label = "Try again"
+    if st.button(label, key=f"{key}_start", type="primary"):
+        with errors_in_words():
+            submit(kind, parameters)
+        st.rerun()
+    return None
+
+
+def _count(job: Job) -> str:
+    return f" at {job.done:,} of {job.total:,}" if job.total else ""
+
+
+def time_left(seconds: float | None) -> str:
+    """Such as "about 40 s left", in steps that do not flicker; "" where it is not known."""
+    if seconds is None:
+        return ""
+    if seconds < 90:
+        return f"about {max(5 * round(seconds / 5), 1)} s left"
+    return f"about {round(seconds / 60)} min left"
+
+
+def _watch(name: str, key: str) -> None:
+    """What a fragment shows of an active job; the whole page runs again once it has ended."""
+    with errors_in_words():
+        job = find(name)
+    if job is None or not job.active:
+        st.rerun()
+    words = ", ".join(filter(None, [f"{job.done:,} of {job.total:,}" if job.total else "", time_left(job.seconds_left)]))
+    if job.state == "queued":
+        words = f"Queued: {job.message}" if job.message else "Starting …"
+    bar, stop = st.columns([5, 1], vertical_alignment="bottom")
+    bar.progress(min(job.done / job.total, 1.0) if job.total else 0.0, words or "Starting …")
+    if stop.button("Cancel", key=f"{key}_cancel", width="stretch"):
+        with errors_in_words():
+            cancel(name)
+        st.rerun()

@@ -1,0 +1,259 @@
+"""Background jobs with real worker processes on small work: states, cancel, kill, resume, damage, deletion."""
+
+import dataclasses
+import json
+import os
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from spab_core import jobs
+from spab_core.bifurcation import compute_bifurcation, load_bifurcation
+from spab_core.design import InputError
+from spab_core.job_kinds import KINDS
+from spab_core.jobs import JobError, cancel, delete, find, job_id, list_jobs, submit
+from spab_core.point import solve_point
+from spab_core.point_file import load_point, save_point
+from spab_core.simulate import Settings
+from spab_core.stability_map import axis
+
+TINY = {"mesh": "2x16", "transient": 20, "revolutions": 20}
+LINE = {"vary": "rotor-mass", "at": 3.0, "range": "4:6:3", "sweeps": ["cold"], "settings": TINY}
+LONG = LINE | {"range": "4:9:400", "settings": TINY | {"transient": 200, "early_stop": False}}
+
+
+@pytest.fixture
+def root(tmp_path, monkeypatch):
+    """Jobs of this test alone; none is left at work."""
+    folder = tmp_path / "jobs"
+    monkeypatch.setenv("SPAB_JOBS", str(folder))
+    yield folder
+    for job in list_jobs():
+        if job.active:
+            cancel(job.id)
+    for name in list(jobs._workers):
+        jobs._workers.pop(name).wait(60)
+
+
+def until(name, wanted, seconds=90):
+    """The job once ``wanted`` holds for it."""
+    end = time.monotonic() + seconds
+    while True:
+        job = find(name)
+        if wanted(job):
+            return job
+        assert time.monotonic() < end, job
+        time.sleep(0.05)
+
+
+def worker_of(job):
+    return json.loads((job.folder / "job.json").read_text())["pid"]
+
+
+def group(pid):
+    """Processes of a group that are not yet dead, from /proc."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = path.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[2]) == pid and fields[0] not in "ZX":
+            found.append(path)
+    return found
+
+
+def test_a_line_is_computed_once_and_found_again(root, design):
+    job = submit("bifurcation", LINE)
+    assert job.state == "queued" and job.id == job_id("bifurcation", dict(reversed(LINE.items())))
+    assert root.stat().st_mode & 0o777 == 0o700
+    done = until(job.id, lambda j: not j.active)
+    assert (done.state, done.done, done.total, done.message) == ("done", 3, 3, "")
+    assert done.created <= done.started <= done.finished and done.seconds_left is None
+    result, direct = load_bifurcation(done.result), compute_bifurcation(design, "rotor-mass", 3.0, axis("4:6:3", "x"),
+                                                                       Settings(**TINY), sweeps=["cold"])
+    assert np.array_equal(result.branches["cold"].section, direct.branches["cold"].section)
+    assert not (done.folder / "parts").exists()
+    stamp = done.result.stat().st_mtime_ns
+    assert submit("bifurcation", LINE) == done and done.result.stat().st_mtime_ns == stamp
+    assert [j.id for j in list_jobs()] == [job.id] and list_jobs()[0].size > done.result.stat().st_size
+    done.result.unlink()
+    assert find(job.id).state == "failed" and "gone" in find(job.id).message
+    delete(job.id)
+    assert find(job.id) is None and list_jobs() == [] and not done.folder.exists()
+
+
+def test_cancelled_it_stops_with_its_children_and_goes_on_to_the_same_bits(root, design):
+    short = LONG | {"range": "4:9:40", "sweeps": ["up", "cold"]}
+    job = submit("bifurcation", short)
+    until(job.id, lambda j: j.state == "running" and j.done >= 10)
+    other = submit("bifurcation", LINE)  # waits for its turn
+    waiting = until(other.id, lambda j: j.message)
+    assert waiting.state == "queued" and "another job" in waiting.message
+    with pytest.raises(JobError, match="at work"):
+        delete(other.id)
+    pids = [worker_of(find(name)) for name in (job.id, other.id)]
+    assert len(group(pids[0])) > 1  # its own processes
+    assert cancel(other.id).state == "cancelled"
+    stopped = cancel(job.id)
+    assert stopped.state == "cancelled" and stopped.finished and 10 <= stopped.done < 80
+    end = time.monotonic() + 10
+    while any(group(pid) for pid in pids):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    assert dataclasses.replace(cancel(job.id), size=stopped.size) == stopped  # nothing more to stop
+    kept = len(list((stopped.folder / "parts").glob("chunk-*.npz")))
+    assert kept >= 2
+    again = submit("bifurcation", short)
+    assert again.id == job.id and again.created == job.created
+    resumed = until(job.id, lambda j: j.total)
+    assert resumed.done >= 5 * kept
+    os.kill(worker_of(resumed), signal.SIGKILL)
+    killed = until(job.id, lambda j: not j.active)
+    assert killed.state == "failed" and "start it again" in killed.message
+    submit("bifurcation", short)
+    done = until(job.id, lambda j: not j.active)
+    assert done.state == "done" and done.done == done.total == 80
+    result, direct = load_bifurcation(done.result), compute_bifurcation(
+        design, "rotor-mass", 3.0, axis("4:9:40", "x"), Settings(**short["settings"]), sweeps=["up", "cold"])
+    for name, branch in direct.branches.items():
+        for f in dataclasses.fields(branch):
+            assert np.array_equal(getattr(result.branches[name], f.name), getattr(branch, f.name), equal_nan=f.name in (
+                "mle", "mle_standard_error", "contact_share", "section")), (name, f.name)
+
+
+def test_cancelled_before_its_worker_shows_up(root):
+    job = submit("bifurcation", LINE)
+    assert cancel(job.id).state == "cancelled"
+    jobs._workers[job.id].wait(60)
+    assert find(job.id).state == "cancelled"
+    assert submit("bifurcation", LINE).state == "queued"
+    assert until(job.id, lambda j: not j.active).state == "done"
+
+
+def test_a_worker_that_never_shows_up_is_noticed(root, monkeypatch):
+    monkeypatch.setattr(jobs.sys, "executable", "/bin/false")
+    job = submit("bifurcation", LINE)
+    assert until(job.id, lambda j: not j.active).state == "failed"
+    monkeypatch.setattr(jobs, "_workers", {})  # as another process sees it: it waits, but not for ever
+    assert find(job.id).state == "queued"
+    monkeypatch.setattr(jobs, "_START_SECONDS", 0.0)
+    assert find(job.id).state == "failed"
+
+
+def test_what_the_work_raises_is_a_sentence(root):
+    job = submit("bifurcation", LINE)
+    until(job.id, lambda j: not j.active)
+    job.result.unlink()
+    (job.folder / "parts").write_text("no folder")
+    submit("bifurcation", LINE)
+    failed = until(job.id, lambda j: not j.active)
+    assert failed.state == "failed" and "log.txt" in failed.message
+    assert "Traceback" in (job.folder / "log.txt").read_text()
+
+
+def test_a_point_comes_back_whole(root, design, tmp_path):
+    settings = TINY | {"method": "dtm"}
+    job = submit("point", {"rotor_mass": 4, "bearing_number": 3.0, "settings": settings, "path_revolutions": 5})
+    done = until(job.id, lambda j: not j.active)
+    assert done.state == "done" and done.done == done.total == 40
+    again, direct = load_point(done.result), solve_point(design, 4.0, 3.0, Settings(**settings), path_revolutions=5)
+    assert again.record() | {"wall_seconds": 0} == direct.record() | {"wall_seconds": 0}
+    assert again.settings == direct.settings and again.design == design and again.verdict() == direct.verdict()
+    for name in ("section", "growth", "contact", "peak", "path", "final"):
+        assert np.array_equal(getattr(again.trajectory, name), getattr(direct.trajectory, name)), name
+    assert np.array_equal(again.mle.trace, direct.mle.trace)
+    failed = solve_point(design, 4.0, 3.0, Settings(**TINY, tolerance=1e-10))
+    failed = dataclasses.replace(failed, mle=None, regime=None)
+    save_point(failed, tmp_path / "failed.npz")
+    assert load_point(tmp_path / "failed.npz").mle is None
+    (tmp_path / "no.npz").write_bytes(b"none")
+    np.savez(tmp_path / "other.npz", metadata=np.array("{}"))
+    for name in ("no.npz", "other.npz", "missing.npz"):
+        with pytest.raises(InputError, match="cannot read"):
+            load_point(tmp_path / name)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"kind": "bifurcation"}', "[" * 100_000])
+def test_a_damaged_state_is_a_sentence_and_can_be_started_again_or_deleted(root, text):
+    job = submit("bifurcation", LINE)
+    cancel(job.id)
+    jobs._workers.pop(job.id).wait(60)
+    (job.folder / "job.json").write_text(text)
+    with pytest.raises(InputError, match="damaged"):
+        find(job.id)
+    with pytest.raises(InputError, match="damaged"):
+        cancel(job.id)
+    (listed,) = list_jobs()
+    assert listed.state == "failed" and listed.kind == "bifurcation" and "damaged" in listed.message
+    delete(job.id)
+    assert list_jobs() == []
+
+
+def test_foreign_files_are_neither_followed_nor_listed(root, tmp_path):
+    job = submit("bifurcation", LINE)
+    cancel(job.id)
+    jobs._workers.pop(job.id).wait(60)
+    (job.folder / "job.json").rename(tmp_path / "job.json")
+    (job.folder / "job.json").symlink_to(tmp_path / "job.json")
+    with pytest.raises(InputError, match="not opened"):
+        find(job.id)
+    link = root / ("point-" + 16 * "0")
+    link.symlink_to(tmp_path, target_is_directory=True)
+    (root / "note.txt").write_text("mine")
+    assert [j.id for j in list_jobs()] == [job.id]
+    with pytest.raises(JobError, match="no job"):
+        delete(link.name)
+
+
+@pytest.mark.parametrize("name", ["", "..", "../x", "bifurcation", "bifurcation-0123456789abcdeg", "a/../b-0123456789abcdef",
+                                  "point-0123456789abcdef/..", "point-0123456789abcdef\n", None])
+def test_bad_ids_are_refused(root, name):
+    for ask in (find, cancel, delete):
+        with pytest.raises(JobError, match="no job's id"):
+            ask(name)
+
+
+def test_unknown_ids(root):
+    name = "point-0123456789abcdef"
+    assert find(name) is None
+    for ask in (cancel, delete):
+        with pytest.raises(JobError, match="there is no job"):
+            ask(name)
+
+
+@pytest.mark.parametrize("kind, change, words", [
+    ("tea", {}, "kind"), ("bifurcation", {"vary": "speed"}, "--vary"), ("bifurcation", {"range": "1:2"}, "start:stop:count"),
+    ("bifurcation", {"range": None}, "start:stop:count"), ("bifurcation", {"at": "3"}, "at must be a number"),
+    ("bifurcation", {"at": float("nan")}, "at"), ("bifurcation", {"sweeps": "cold"}, "sweeps"),
+    ("bifurcation", {"settings": {"turns": 3}}, "settings"), ("bifurcation", {"settings": 3}, "settings"),
+    ("bifurcation", {"colour": 1}, "unknown"), ("bifurcation", {"design": {"bearing": {"clearance": -1.0}}}, "clearance"),
+    ("point", {}, "missing"), ("point", {"rotor_mass": -1, "bearing_number": 3}, "rotor mass"),
+])
+def test_wrong_requests_are_sentences(root, kind, change, words):
+    with pytest.raises(InputError, match=words):
+        submit(kind, (LINE if kind == "bifurcation" else {}) | change)
+    assert not root.exists() or list_jobs() == []
+
+
+def test_a_folder_that_others_can_enter_is_refused(tmp_path, monkeypatch):
+    folder = tmp_path / "open"
+    folder.mkdir(mode=0o755)
+    folder.chmod(0o755)
+    monkeypatch.setenv("SPAB_JOBS", str(folder))
+    with pytest.raises(InputError, match="yours alone"):
+        list_jobs()
+    monkeypatch.delenv("SPAB_JOBS")
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    assert jobs.jobs_folder() == tmp_path / "data" / "spab" / "jobs"
+
+
+def test_equal_requests_are_one():
+    for kind, given in (("bifurcation", LINE), ("point", {"rotor_mass": 4, "bearing_number": 3})):
+        checked = KINDS[kind].check(given)
+        assert KINDS[kind].check(checked) == checked == json.loads(json.dumps(checked))
+    assert job_id("bifurcation", LINE | {"range": "4.0:6:3", "at": 3}) == job_id("bifurcation", LINE)
+    assert job_id("bifurcation", LINE | {"at": 3.1}) != job_id("bifurcation", LINE)
