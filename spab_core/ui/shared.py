@@ -33,7 +33,7 @@ from spab_core.ui.view import open_view
 from spab_core.uncertainty import MapUncertainty, uncertain_map
 
 LIVE = Settings(transient=200, revolutions=200)
-LIVE_PATHS = 30
+LIVE_PATHS = 48  # orders of the spectrum are 1/48 apart; halves and thirds fall on them
 
 
 def page_head(title: str) -> None:
@@ -89,13 +89,13 @@ def _solve(design: Design, rotor_mass: float, bearing_number: float, settings: S
     return solve_point(design, rotor_mass, bearing_number, settings, path_revolutions=LIVE_PATHS)
 
 
-def live_point(design: Design, rotor_mass: float, bearing_number: float) -> OperatingPoint:
+def live_point(design: Design, rotor_mass: float, bearing_number: float, settings: Settings = LIVE) -> OperatingPoint:
     """Solve an operating point now, or take it from the last 64 solved; says so where the solver must be compiled first."""
     text = "Solving this operating point …"
     if not is_compiled():
         text = "First run on this machine: compiling the solver. This takes about a minute, once."
     with st.spinner(text):
-        return _solve(design, rotor_mass, bearing_number, LIVE)
+        return _solve(design, rotor_mass, bearing_number, settings)
 
 
 @st.cache_resource(show_spinner=False)

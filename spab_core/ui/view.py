@@ -58,6 +58,9 @@ def _mesh(text: str) -> str:
     return str(parse_mesh(text))
 
 
+POINT_TABS = ("Overview", "Orbits", "Spectrum", "Signals", "Film 3-D", "Forces", "Exponent")
+SAME = ("bearing number", "speed")  # that two designs are compared at
+
 VIEW: dict[str, Field] = {
     "bearing_number": Field(3.45, _number("bearing_number", *BEARING_NUMBER_RANGE), "{:.6g}".format),
     "rotor_mass": Field(4.52, _number("rotor_mass", *ROTOR_MASS_RANGE, "kg"), "{:.6g}".format),
@@ -70,6 +73,9 @@ VIEW: dict[str, Field] = {
     "scheme": Field(SCHEMES[0], _one_of("scheme", SCHEMES)),
     "transient": Field(200, _number("transient", 0, 5000, "revolutions", whole=True)),
     "revolutions": Field(200, _number("revolutions", 20, 5000, "revolutions", whole=True)),
+    "tab": Field(POINT_TABS[0], _one_of("tab", POINT_TABS)),
+    "compare": Field(False, _one_of("compare", (True, False))),
+    "same": Field(SAME[0], _one_of("same", SAME)),
 }
 _DESIGN = "_design"  # values of the design that differ from the reference, {"bearing.clearance": 3e-5}
 _COMPLAINTS = "_complaints"
