@@ -37,7 +37,7 @@ sides = [(design, number, design_words(), "own")]
 if compare:
     usual = reference_design()
     same = e.segmented_control("At the same", SAME, key="same", required=True, label_visibility="collapsed",
-                               format_func="at the same {}".format)
+                               format_func={SAME[0]: "same Λ", SAME[1]: "same speed"}.get)
     other = number if same == SAME[0] else usual.bearing_number(design.speed(number))
     sides.append((usual, other, "reference bearing SPAB-60", "reference"))
 
@@ -52,22 +52,23 @@ for box, (one, at, words, key) in zip(st.columns(len(sides), gap="medium"), side
             ui.verdict_panel(point)
 
 
-def show(name: str, point, figure, key: str) -> None:
+def show(name: str, figure, key: str) -> None:
     st.plotly_chart(figure, key=f"{name}_{key}", width="stretch", config={"displaylogo": False})
 
 
 def overview(point, key: str) -> None:
-    orbit = draw.orbit_figure(point, ui.run_up_of(point))
+    tall = {"height": 380 if compare else 420}
+    orbit = draw.orbit_figure(point, ui.run_up_of(point)).update_layout(tall)
     if point.mle is None:
-        show("orbit", point, orbit, key)
+        show("orbit", orbit, key)
         return
-    one, two, *more = st.columns(2 if compare else 3)
-    with one:
-        show("orbit", point, orbit, key)
-    with two:
-        show("section", point, draw.section_figure(point), key)
-    with more[0] if more else st.container():
-        show("spectrum", point, ui.spectrum_of(point), key)
+    boxes = st.columns(2 if compare else 3)
+    with boxes[0]:
+        show("orbit", orbit, key)
+    with boxes[-1]:
+        show("spectrum", ui.spectrum_of(point).update_layout(tall), key)
+    with st.container() if compare else boxes[1]:  # its points are marked on the orbit too
+        show("section", draw.section_figure(point).update_layout(tall), key)
 
 
 def tab_content(name: str, point, key: str) -> None:
@@ -79,7 +80,7 @@ def tab_content(name: str, point, key: str) -> None:
         bodies = ["journal"] if point.design.rigid else ["journal", "disc"]
         for box, body in zip([st.container()] * 2 if compare else st.columns(2), bodies, strict=False):
             with box:
-                show(body, point, draw.body_figure(point, body, ui.run_up_of(point)), key)
+                show(body, draw.body_figure(point, body, ui.run_up_of(point)), key)
     elif name == "Film 3-D":
         film(point, key)
     else:
@@ -87,11 +88,11 @@ def tab_content(name: str, point, key: str) -> None:
                   "Signals": partial(draw.signals_figure, point),
                   "Forces": lambda: draw.forces_figure(ui.revolution_of(point)),
                   "Exponent": lambda: draw.exponent_figure(point).update_layout(height=440)}[name]()
-        show(name.lower(), point, figure, key)
+        show(name.lower(), figure, key)
 
 
 def film(point, key: str) -> None:
-    show("film", point, ui.film_of(point, colour), key)
+    show("film", ui.film_of(point, colour), key)
     b = point.design.bearing
     wider = draw.FILM_SHARE * b.radius / b.clearance
     st.caption(f"The journal within the bearing band (grey). The gap is drawn {wider:,.0f} times wider than it is "
@@ -105,15 +106,15 @@ if shown:
             with tab, errors_in_words():
                 if name == "Film 3-D":
                     colour = st.segmented_control("Colour", draw.QUANTITIES, default=draw.QUANTITIES[0], key="film_colour",
-                                                  required=True)
+                                                  required=True, label_visibility="collapsed")
                 for box, (p, key) in zip(st.columns(len(shown), gap="medium"), shown, strict=True):
                     with box:
                         tab_content(name, p, key)
     t = shown[0][0].trajectory
     ended = ", settled on a periodic orbit" if t.settled else ""
     st.caption(f"{t.completed} revolutions from rest{ended}, {t.steps:,} steps in {t.wall_seconds:.2f} s; {settings.method}, "
-               f"{settings.mesh} film nodes, {settings.scheme} differences. Run-up: the first 60 revolutions; load and unbalance "
-               "rise over 30.")
+               f"{settings.mesh} film nodes, {settings.scheme} differences. Run-up: the first 60 revolutions; load and "
+               "unbalance rise over 30.")
 
 with f:
     first = points[0]

@@ -84,7 +84,7 @@ def body_figure(point: OperatingPoint, body: str, run_up: np.ndarray) -> go.Figu
     first, colour = (0, JOURNAL) if body == "journal" else (2, DISC)
     path, figure = point.trajectory.path.reshape(-1, 8), go.Figure()
     section = point.trajectory.section[-_MAX_SECTION:]
-    marks = {"mode": "markers", "marker": {"color": "#000000" if body == "disc" else SECTION, "size": 4}}
+    marks = {"mode": "markers", "marker": {"color": JOURNAL if body == "disc" else SECTION, "size": 4}}
     for name, states, style in (
             ("run-up", run_up, {"mode": "lines", "opacity": 0.45, "line": {"color": NEUTRAL, "width": 0.8}}),
             (body, path, {"mode": "lines", "line": {"color": colour, "width": 1}}), ("at τ = 2πk", section, marks)):
@@ -182,6 +182,24 @@ def forces_figure(revolution: Revolution) -> go.Figure:
                                 margin={"l": 60, "r": 10, "t": 40, "b": 40}, legend={"orientation": "h", "y": -0.14, "x": 0})
 
 
+def _triangles(around: int, across: int) -> dict[str, np.ndarray]:
+    """Corners of the triangles of a regular grid of points, as ``Mesh3d`` takes them."""
+    a = (np.arange(around - 1)[:, None] * across + np.arange(across - 1)).ravel()
+    b, c, d = a + 1, a + across, a + across + 1
+    corners = np.column_stack([a, c, b, b, c, d]).reshape(-1, 3).astype(np.int32)
+    return {"i": corners[:, 0], "j": corners[:, 1], "k": corners[:, 2]}
+
+
+def _wall(edge: float) -> dict[str, np.ndarray]:
+    """The bearing's band up to the latitude ``edge`` as lines on the unit sphere: both edges, the equator, 24 meridians."""
+    circle, arc, gap = np.linspace(0.0, 2.0 * np.pi, 91), np.linspace(-edge, edge, 9), [np.nan]
+    azimuth = [np.r_[circle, gap]] * 3 + [np.r_[np.full(9, a), gap] for a in np.arange(24) * (np.pi / 12.0)]
+    latitude = [np.full(92, k * edge) for k in (-1.0, 0.0, 1.0)] + [np.r_[arc, gap]] * 24
+    a, l = np.concatenate(azimuth), np.concatenate(latitude)
+    points = (np.cos(l) * np.cos(a), np.cos(l) * np.sin(a), np.sin(l) + 0.0 * a)
+    return dict(zip("xyz", (p.astype(np.float32) for p in points), strict=True))
+
+
 def film_figure(revolution: Revolution, colour: str = "Pressure") -> go.Figure:
     """The journal's surface within the band over one revolution, 24 frames; the gap is drawn a few hundred times wider.
 
@@ -202,32 +220,38 @@ def film_figure(revolution: Revolution, colour: str = "Pressure") -> go.Figure:
     cos, sin = np.cos(film.azimuth)[:, None], np.sin(film.azimuth)[:, None]
     across, up = np.cos(film.latitude), np.sin(film.latitude)
 
-    def journal(k):
-        r = 1.0 - FILM_SHARE * film.thickness[k]
-        x, y, z = (r * across * cos, r * across * sin, r * up)
-        return go.Surface(x=x.astype(np.float32), y=y.astype(np.float32), z=z.astype(np.float32),
-                          surfacecolor=values[k].astype(np.float32), **scale, name="journal",
-                          colorbar={"title": f"{'gauge pressure' if unit == 'kPa' else 'thickness'}, {unit}", "thickness": 12,
-                                    "len": 0.8, "x": 1.0, "title_side": "right"},
-                          hovertemplate=f"%{{surfacecolor:.3g}} {unit}<extra></extra>",
-                          lighting={"ambient": 0.85, "diffuse": 0.3, "specular": 0.05})
+    def sphere(r):
+        points = np.broadcast_arrays(r * across * cos, r * across * sin, r * up)
+        return dict(zip("xyz", (a.ravel().astype(np.float32) for a in points), strict=True))
 
-    wall = go.Surface(x=(across * cos).astype(np.float32), y=(across * sin).astype(np.float32),
-                      z=np.broadcast_to(up, (len(film.azimuth), len(up))).astype(np.float32), opacity=0.22, showscale=False,
-                      colorscale=[(0, NEUTRAL), (1, NEUTRAL)], hoverinfo="skip", name="wall")
+    def journal(k):
+        return sphere(1.0 - FILM_SHARE * film.thickness[k]) | {"intensity": values[k].ravel().astype(np.float32)}
+
+    corners = _triangles(len(film.azimuth), len(film.latitude))
+    bar = {"title": f"{'gauge pressure' if unit == 'kPa' else 'thickness'}, {unit}", "thickness": 12, "len": 0.8, "x": 1.0,
+           "title_side": "right"}
+    light = {"ambient": 0.85, "diffuse": 0.3, "specular": 0.05}
+    first = go.Mesh3d(**journal(0), **corners, **scale, name="journal", colorbar=bar, lighting=light,
+                      hovertemplate=f"%{{intensity:.3g}} {unit}<extra></extra>")
+    grey = {"color": NEUTRAL, "width": 3}
+    wall = go.Scatter3d(**_wall(film.latitude[-1]), mode="lines", line=grey, hoverinfo="skip", name="wall", showlegend=False)
+    axes = go.Scatter3d(x=[1.13, 0.0, 0.0], y=[0.0, 1.13, -1.13], z=[0.0] * 3, mode="text", text=["X", "Y", "−Y, gravity"],
+                        textfont={"color": NEUTRAL, "size": 13}, hoverinfo="skip", name="axes", showlegend=False)
     names = [f"{angle:.0f}" for angle in film.angle]
-    frames = [go.Frame(data=[journal(k)], traces=[0], name=name) for k, name in enumerate(names)]
-    figure = go.Figure([journal(0), wall], frames=frames)
+    frames = [go.Frame(data=[go.Mesh3d(**journal(k))], traces=[0], name=name) for k, name in enumerate(names)]
+    figure = go.Figure([first, wall, axes], frames=frames)
     still = {"mode": "immediate", "transition": {"duration": 0}, "frame": {"duration": 0, "redraw": True}}
     play = still | {"frame": {"duration": 90, "redraw": True}, "fromcurrent": True}
-    hidden = {"visible": False, "range": [-1.05, 1.05]}
+    hidden, flat = {"visible": False, "range": [-1.2, 1.2]}, float(up.max())
     return figure.update_layout(
-        height=520, margin={"l": 0, "r": 0, "t": 10, "b": 0}, uirevision="film",
-        scene={"xaxis": hidden, "yaxis": hidden, "zaxis": hidden, "aspectmode": "cube",
-               "camera": {"eye": {"x": 0.75, "y": -1.0, "z": 0.95}}},
+        height=430, margin={"l": 0, "r": 0, "t": 0, "b": 80}, uirevision="film",
+        scene={"xaxis": hidden, "yaxis": hidden, "zaxis": {"visible": False, "range": [-1.2 * flat, 1.2 * flat]},
+               "aspectmode": "manual", "aspectratio": {"x": 1.0, "y": 1.0, "z": flat},
+               "camera": {"eye": {"x": 0.55, "y": -0.85, "z": 0.75}}},
         updatemenus=[{"type": "buttons", "direction": "left", "x": 0.0, "y": 0.0, "xanchor": "left", "yanchor": "top",
-                      "pad": {"t": 22}, "showactive": False, "bgcolor": "#e0e0e0", "font": {"color": "#202020"}, "buttons": [
+                      "pad": {"t": 28}, "showactive": False, "bgcolor": "#e0e0e0", "font": {"color": "#202020"}, "buttons": [
                           {"label": "▶ Play", "method": "animate", "args": [None, play]},
                           {"label": "❚❚ Pause", "method": "animate", "args": [[None], still]}]}],
-        sliders=[{"x": 0.3, "len": 0.68, "y": 0.0, "pad": {"t": 10}, "currentvalue": {"prefix": "shaft angle ", "suffix": "°"},
+        sliders=[{"x": 0.3, "len": 0.68, "y": 0.0, "pad": {"t": 5}, "tickcolor": NEUTRAL,
+                  "currentvalue": {"prefix": "shaft angle ", "suffix": "°"},
                   "steps": [{"label": n, "method": "animate", "args": [[n], still]} for n in names]}])

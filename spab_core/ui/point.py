@@ -163,13 +163,13 @@ def verdict_panel(point: OperatingPoint) -> None:
         return
     spread, least = point.mle.standard_error, 1.0 - point.max_eccentricity
     values = (
-        ("MLE per revolution", f"{point.mle.value:+.3f}", "Maximum Lyapunov exponent, natural log: below zero periodic, zero "
+        ("MLE per rev.", f"{point.mle.value:+.3f}", "Maximum Lyapunov exponent per revolution, natural log: below zero periodic, zero "
          "quasi-periodic, above zero chaotic"),
         ("Standard error", f"± {spread:.3f}" if spread >= 0.0005 else "< 0.001", "Of the MLE, by batch means; on a settled "
          "periodic orbit, the last change of its leading multiplier's rate"),
-        ("Max. eccentricity", f"{point.max_eccentricity:.3f}", "Largest of the journal, over the clearance"),
+        ("Eccentricity", f"{point.max_eccentricity:.3f}", "Largest of the journal, over the clearance C"),
         ("Least film, µm", f"{1e6 * point.design.bearing.clearance * least:.1f}", "Clearance less the largest eccentricity"),
-        ("Time in contact", f"{100 * point.contact_share:.1f} %", "Share of the time with a film under a tenth of C"),
+        ("In contact", f"{100 * point.contact_share:.1f} %", "Share of the time, with a film under a tenth of C"),
     )
     for cell, (label, value, text) in zip(st.columns(len(values)), values, strict=True):
         cell.metric(label, value, help=text)
