@@ -47,7 +47,7 @@ def orbit_figure(point: OperatingPoint, run_up: np.ndarray | None = None) -> go.
     path = point.trajectory.path.reshape(-1, 8).astype(np.float32)
     figure, early = go.Figure(), np.empty((0, 8), np.float32) if run_up is None else run_up.astype(np.float32)
     if len(early):
-        figure.add_scatter(x=early[:, 0], y=early[:, 1], mode="lines", name="journal, run-up", opacity=0.4,
+        figure.add_scatter(x=early[:, 0], y=early[:, 1], mode="lines", name="run-up", opacity=0.4,
                            line={"color": NEUTRAL, "width": 0.8})
     if not point.design.rigid:
         figure.add_scatter(x=path[:, 2], y=path[:, 3], mode="lines", name="disc", line={"color": DISC, "width": 1})
@@ -60,7 +60,7 @@ def orbit_figure(point: OperatingPoint, run_up: np.ndarray | None = None) -> go.
 
 def _section(figure, point, size):
     section = point.trajectory.section[-_MAX_SECTION:]
-    figure.add_scatter(x=section[:, 0], y=section[:, 1], mode="markers", name="journal at τ = 2πk",
+    figure.add_scatter(x=section[:, 0], y=section[:, 1], mode="markers", name="at τ = 2πk",
                        marker={"color": SECTION, "size": size})
 
 

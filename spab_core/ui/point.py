@@ -163,16 +163,17 @@ def verdict_panel(point: OperatingPoint) -> None:
         return
     spread, least = point.mle.standard_error, 1.0 - point.max_eccentricity
     values = (
-        ("MLE per rev.", f"{point.mle.value:+.3f}", "Maximum Lyapunov exponent per revolution, natural log: below zero periodic, zero "
-         "quasi-periodic, above zero chaotic"),
+        ("MLE per rev.", f"{point.mle.value:+.3f}", "Maximum Lyapunov exponent per revolution, natural log: below zero "
+         "periodic, zero quasi-periodic, above zero chaotic"),
         ("Standard error", f"± {spread:.3f}" if spread >= 0.0005 else "< 0.001", "Of the MLE, by batch means; on a settled "
          "periodic orbit, the last change of its leading multiplier's rate"),
         ("Eccentricity", f"{point.max_eccentricity:.3f}", "Largest of the journal, over the clearance C"),
         ("Least film, µm", f"{1e6 * point.design.bearing.clearance * least:.1f}", "Clearance less the largest eccentricity"),
         ("In contact", f"{100 * point.contact_share:.1f} %", "Share of the time, with a film under a tenth of C"),
     )
-    for cell, (label, value, text) in zip(st.columns(len(values)), values, strict=True):
-        cell.metric(label, value, help=text)
+    with st.container(horizontal=True, horizontal_alignment="distribute"):
+        for label, value, text in values:
+            st.metric(label, value, help=text, width="content")
 
 
 def design_controls() -> None:

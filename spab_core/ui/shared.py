@@ -39,7 +39,9 @@ LIVE_PATHS = 48  # orders of the spectrum are 1/48 apart; halves and thirds fall
 def page_head(title: str) -> None:
     """What every page begins with; ``title`` is shown in the browser's tab. The view is opened (:mod:`spab_core.ui.view`)."""
     st.set_page_config(page_title=f"spab: {title}", page_icon="◍", layout="wide")
-    st.html("<style>.block-container{padding:2.2rem 2rem 1rem} section[data-testid=stSidebar]{width:12.5rem !important;"
+    st.html("<style>.block-container{padding:2.2rem 2rem 1rem} "
+            "@media(max-width:640px){.block-container{padding:4rem 1rem 1rem}} "
+            "section[data-testid=stSidebar]{width:12.5rem !important;"
             "min-width:12.5rem} [data-testid=stMetricValue]{font-size:1.5rem} "
             "[data-testid=stMetricLabel] p{font-size:.74rem}</style>")
     for complaint in open_view():

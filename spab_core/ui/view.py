@@ -17,6 +17,7 @@ import streamlit as st
 from spab_core.design import Design, InputError, check_number, reference_design
 from spab_core.figures import LAYERS
 from spab_core.film import DEFAULT_MESH, SCHEMES, parse_mesh
+from spab_core.form import FIELDS, to_form
 from spab_core.integrate import METHODS
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.surrogates import DIVISORS, MODELS
@@ -170,8 +171,9 @@ def design_words() -> str:
     changes = st.session_state.get(_DESIGN, {})
     if not changes:
         return "reference bearing SPAB-60"
-    shown = ", ".join(f"{key.partition('.')[2].replace('_', ' ')} {'rigid' if math.isinf(v) else f'{v:.4g}'}"
-                      for key, v in list(changes.items())[:3])
+    values = to_form(chosen_design())
+    taken = [(FIELDS[key.replace(".", "__")], values[key.replace(".", "__")]) for key in list(changes)[:3]]
+    shown = ", ".join(f"{f.label.lower()} {'rigid' if math.isinf(v) else f'{v:.4g} {f.unit}'.strip()}" for f, v in taken)
     return f"own design ({shown}{', …' if len(changes) > 3 else ''})"
 
 
