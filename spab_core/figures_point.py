@@ -32,7 +32,7 @@ def _square(figure, title, reach=1.08):
 
 def _reach(*paths):
     """Half width of a square that holds the clearance circle and all positions in (n, >= 4) states."""
-    return max(1.08, *(1.05 * float(np.abs(p[:, :4]).max()) for p in paths if len(p)))
+    return max([1.08, *(1.05 * float(np.abs(p[:, :4]).max()) for p in paths if len(p))])
 
 
 def orbit_figure(point: OperatingPoint, run_up: np.ndarray | None = None) -> go.Figure:
@@ -55,7 +55,7 @@ def orbit_figure(point: OperatingPoint, run_up: np.ndarray | None = None) -> go.
     if run_up is not None:
         _section(figure, point, 4)
     kept = len(point.trajectory.path)
-    return _square(figure, f"Orbits, last {kept} revolutions" if kept else "Run-up", _reach(path, early))
+    return _square(figure, f"Orbits, last {kept} revolutions" if kept else "Orbits of the run-up", _reach(path, early))
 
 
 def _section(figure, point, size):

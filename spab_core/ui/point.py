@@ -163,13 +163,13 @@ def verdict_panel(point: OperatingPoint) -> None:
         return
     spread, least = point.mle.standard_error, 1.0 - point.max_eccentricity
     values = (
-        ("MLE per rev.", f"{point.mle.value:+.3f}", "Maximum Lyapunov exponent per revolution, natural log: below zero "
+        ("MLE per revolution", f"{point.mle.value:+.3f}", "Maximum Lyapunov exponent per revolution, natural log: below zero "
          "periodic, zero quasi-periodic, above zero chaotic"),
         ("Standard error", f"± {spread:.3f}" if spread >= 0.0005 else "< 0.001", "Of the MLE, by batch means; on a settled "
          "periodic orbit, the last change of its leading multiplier's rate"),
-        ("Eccentricity", f"{point.max_eccentricity:.3f}", "Largest of the journal, over the clearance C"),
+        ("Max. eccentricity", f"{point.max_eccentricity:.3f}", "Largest of the journal, over the clearance C"),
         ("Least film, µm", f"{1e6 * point.design.bearing.clearance * least:.1f}", "Clearance less the largest eccentricity"),
-        ("In contact", f"{100 * point.contact_share:.1f} %", "Share of the time, with a film under a tenth of C"),
+        ("Time in contact", f"{100 * point.contact_share:.1f} %", "Share of the time, with a film under a tenth of C"),
     )
     with st.container(horizontal=True, horizontal_alignment="distribute"):
         for label, value, text in values:
@@ -185,9 +185,9 @@ def design_controls() -> None:
     state["form_rigid"] = design.rigid
     if complaint := state.pop("form_complaint", None):
         st.error(complaint)
-    columns = st.columns(2)
-    for k, group in enumerate(GROUPS):
-        box = columns[k % 2]
+    left, right = st.columns(2)
+    for group in GROUPS:
+        box = left if group in ("Bearing", "Gas") else right
         box.markdown(f"**{group}**")
         for name, f in FIELDS.items():
             if f.group != group:
