@@ -8,7 +8,6 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from spab_core.learning_curve import COMMITTEE, summary
-from spab_core.point import OperatingPoint
 from spab_core.refine import LABELS, Refinement
 from spab_core.regimes import Regime
 from spab_core.stability_map import StabilityMap
@@ -104,57 +103,6 @@ def mark_cell(figure: go.Figure, index: int) -> go.Figure:
     return figure.update_traces(selectedpoints=[index], selector={"name": "cells"})
 
 
-def _square(figure, title):
-    circle = np.linspace(0, 2 * np.pi, 181)
-    figure.add_scatter(x=np.cos(circle), y=np.sin(circle), mode="lines", name="clearance", hoverinfo="skip",
-                       line={"color": NEUTRAL, "width": 1.5, "dash": "dash"})
-    figure.update_layout(
-        title={"text": title, "font_size": 14}, xaxis={"title": "X / C", "range": [-1.08, 1.08], "constrain": "domain"},
-        yaxis={"title": "Y / C", "range": [-1.08, 1.08], "scaleanchor": "x", "constrain": "domain"},
-        margin={"l": 50, "r": 10, "t": 40, "b": 40}, height=340, legend={"orientation": "h", "y": -0.22, "x": 0})
-    return figure
-
-
-def orbit_figure(point: OperatingPoint) -> go.Figure:
-    """Journal and disc orbits of the last recorded revolutions, with the section points."""
-    path = point.trajectory.path.reshape(-1, 8).astype(np.float32)
-    figure = go.Figure()
-    if not point.design.rigid:
-        figure.add_scatter(x=path[:, 2], y=path[:, 3], mode="lines", name="disc", line={"color": DISC, "width": 1})
-    figure.add_scatter(x=path[:, 0], y=path[:, 1], mode="lines", name="journal", line={"color": JOURNAL, "width": 1})
-    figure = _square(figure, f"Orbits, last {len(point.trajectory.path)} revolutions")
-    reach = max(1.08, 1.05 * float(np.abs(path[:, :4]).max())) if len(path) else 1.08
-    return figure.update_layout(xaxis_range=[-reach, reach], yaxis_range=[-reach, reach])
-
-
-def section_figure(point: OperatingPoint) -> go.Figure:
-    """Poincaré section of the journal: one point a revolution."""
-    section = point.trajectory.section
-    figure = go.Figure()
-    figure.add_scatter(x=section[:, 0], y=section[:, 1], mode="markers", name="journal at τ = 2πk",
-                       marker={"color": SECTION, "size": 5})
-    return _square(figure, f"Poincaré section, {len(section)} revolutions")
-
-
-def exponent_figure(point: OperatingPoint) -> go.Figure:
-    """Running estimate of the exponent with its final standard error."""
-    figure = go.Figure()
-    if point.mle:
-        trace = point.mle.trace
-        n = np.arange(1, len(trace) + 1)
-        low, high = point.mle.value - point.mle.standard_error, point.mle.value + point.mle.standard_error
-        figure.add_hrect(y0=low, y1=high, fillcolor=JOURNAL, opacity=0.15, line_width=0)
-        figure.add_hline(y=point.mle.value, line={"color": JOURNAL, "dash": "dot", "width": 1})
-        figure.add_scatter(x=n, y=trace, mode="lines", line={"color": JOURNAL}, name="running estimate", showlegend=False)
-        settled = trace[len(trace) // 10:]
-        span = max(float(np.ptp(settled)), 0.02)
-        figure.update_yaxes(range=[min(settled.min(), low, 0) - 0.3 * span, max(settled.max(), high, 0) + 0.3 * span])
-    figure.add_hline(y=0, line={"color": NEUTRAL, "dash": "dash", "width": 1})
-    return figure.update_layout(
-        title={"text": "Running exponent (dotted: final value, band: ± one standard error)", "font_size": 14}, height=340,
-        xaxis={"title": "revolutions with a tangent" if point.trajectory.settled else "revolutions measured"},
-        yaxis={"title": "MLE per revolution"},
-        margin={"l": 60, "r": 10, "t": 40, "b": 40})
 
 
 def surrogate_figure(m: StabilityMap, predicted: PredictedMap) -> go.Figure:

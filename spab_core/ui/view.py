@@ -19,6 +19,7 @@ from spab_core.design import Design, InputError, check_number, reference_design
 from spab_core.figures import LAYERS
 from spab_core.figures_lines import COORDINATES
 from spab_core.film import DEFAULT_MESH, SCHEMES, parse_mesh
+from spab_core.form import FIELDS, to_form
 from spab_core.integrate import METHODS
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.surrogates import DIVISORS, MODELS
@@ -66,6 +67,9 @@ def _mesh(text: str) -> str:
     return str(parse_mesh(text))
 
 
+POINT_TABS = ("Overview", "Orbits", "Spectrum", "Signals", "Film 3-D", "Forces", "Exponent")
+SAME = ("bearing number", "speed")  # that two designs are compared at
+
 VIEW: dict[str, Field] = {
     "bearing_number": Field(3.45, _number("bearing_number", *BEARING_NUMBER_RANGE), "{:.6g}".format),
     "rotor_mass": Field(4.52, _number("rotor_mass", *ROTOR_MASS_RANGE, "kg"), "{:.6g}".format),
@@ -86,6 +90,9 @@ VIEW: dict[str, Field] = {
     "sweeps": Field(["cold"], _some_of("sweeps", SWEEPS), ",".join),
     "coordinates": Field(["X2", "Y2"], _some_of("coordinates", COORDINATES), ",".join),
     "revolutions": Field(200, _number("revolutions", 20, 5000, "revolutions", whole=True)),
+    "tab": Field(POINT_TABS[0], _one_of("tab", POINT_TABS)),
+    "compare": Field(False, _one_of("compare", (True, False))),
+    "same": Field(SAME[0], _one_of("same", SAME)),
 }
 _DESIGN = "_design"  # values of the design that differ from the reference, {"bearing.clearance": 3e-5}
 _COMPLAINTS = "_complaints"
@@ -180,8 +187,9 @@ def design_words() -> str:
     changes = st.session_state.get(_DESIGN, {})
     if not changes:
         return "reference bearing SPAB-60"
-    shown = ", ".join(f"{key.partition('.')[2].replace('_', ' ')} {'rigid' if math.isinf(v) else f'{v:.4g}'}"
-                      for key, v in list(changes.items())[:3])
+    values = to_form(chosen_design())
+    taken = [(FIELDS[key.replace(".", "__")], values[key.replace(".", "__")]) for key in list(changes)[:3]]
+    shown = ", ".join(f"{f.label.lower()} {'rigid' if math.isinf(v) else f'{v:.4g} {f.unit}'.strip()}" for f, v in taken)
     return f"own design ({shown}{', …' if len(changes) > 3 else ''})"
 
 
