@@ -4,7 +4,7 @@ import numpy as np
 import streamlit as st
 
 from spab_core.evaluation import error_by_regime, errors, uncertainty_scores
-from spab_core.figures import reliability_figure, surrogate_figure, uncertainty_figure
+from spab_core.figures_surrogates import reliability_figure, surrogate_figure, uncertainty_figure
 from spab_core.surrogates import DIVISORS, MODELS
 from spab_core.ui.shared import (
     errors_in_words,

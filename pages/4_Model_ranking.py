@@ -6,7 +6,7 @@ import streamlit as st
 
 from spab_core.artifacts import load_reference_scores
 from spab_core.evaluation import PAPER_RMSE, ranking, spread, suggestion, table
-from spab_core.figures import fraction_figure
+from spab_core.figures_surrogates import fraction_figure
 from spab_core.surrogates import DIVISORS, MODELS
 from spab_core.ui.shared import block_scores, errors_in_words, page_head, reference_map
 

@@ -3,7 +3,7 @@
 import streamlit as st
 
 from spab_core.artifacts import load_reference_refinement
-from spab_core.figures import REFINE_LAYERS, learning_curve_figure, refinement_figure
+from spab_core.figures_surrogates import REFINE_LAYERS, learning_curve_figure, refinement_figure
 from spab_core.learning_curve import GOAL, goal, load_learning_curve
 from spab_core.refine import DAMPED
 from spab_core.ui.shared import errors_in_words, page_head

@@ -41,7 +41,8 @@ def page_head(title: str) -> None:
     st.set_page_config(page_title=f"spab: {title}", page_icon="◍", layout="wide")
     st.html("<style>.block-container{padding:2.2rem 2rem 1rem} section[data-testid=stSidebar]{width:12.5rem !important;"
             "min-width:12.5rem} [data-testid=stMetricValue]{font-size:1.5rem} "
-            "[data-testid=stMetricLabel] p{font-size:.74rem}</style>")
+            "[data-testid=stMetricLabel] p{font-size:.74rem} @media(max-width:640px){.block-container{padding:3.6rem 1rem 1rem}}"
+            "</style>")
     for complaint in open_view():
         st.error(complaint)
 

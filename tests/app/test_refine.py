@@ -11,7 +11,7 @@ from streamlit.testing.v1 import AppTest
 
 from spab_core import artifacts, learning_curve
 from spab_core.artifacts import REFINED, write_manifest
-from spab_core.figures import REFINE_LAYERS
+from spab_core.figures_surrogates import REFINE_LAYERS
 from spab_core.refine import map_oracle, refine, save_refinement
 from tests.conftest import ROOT
 from tests.unit.test_learning_curve import made_up
