@@ -20,21 +20,24 @@ from spab_core.learning_curve import COMMITTEE, summary
 from spab_core.refine import LABELS, Refinement
 from spab_core.stability_map import StabilityMap
 from spab_core.surrogates import MODELS, PredictedMap
-from spab_core.uncertainty import MapUncertainty
+from spab_core.uncertainty import MapIntervals
 
 
-def surrogate_figure(m: StabilityMap, predicted: PredictedMap) -> go.Figure:
+def surrogate_figure(m: StabilityMap, predicted: PredictedMap, marked: int | None = None) -> go.Figure:
     """Solved map, predicted map and the absolute error of the prediction, side by side on the same axes.
 
     Parameters
     ----------
     m : StabilityMap
     predicted : PredictedMap
+    marked : int
+        Cell shown as the selected one, by its place in ``mle.ravel()``.
 
     Returns
     -------
     Figure
         Three heatmaps; the first two share the diverging scale of :func:`map_figure`. Training cells have no error to show.
+        The trace named "cells" lies over the error and answers clicks: one point a cell, in the order of ``mle.ravel()``.
     """
     error = np.where(predicted.trained, np.nan, np.abs(predicted.mle - m.mle))
     top = max(float(np.nanquantile(error, 0.98)), 1e-3) if np.isfinite(error).any() else 1.0
@@ -51,10 +54,26 @@ def surrogate_figure(m: StabilityMap, predicted: PredictedMap) -> go.Figure:
         figure.update_xaxes(title=BEARING_NUMBER_LABEL, showgrid=False, row=1, col=k)
     figure.update_yaxes(showgrid=False)
     figure.update_yaxes(title=MASS_LABEL, row=1, col=1)
-    return figure.update_layout(height=430, margin={"l": 60, "r": 10, "t": 40, "b": 50}, dragmode="zoom")
+    number, mass = np.meshgrid(m.bearing_number.astype(np.float32), m.rotor_mass.astype(np.float32), indexing="ij")
+    figure.add_scattergl(
+        x=number.ravel(), y=mass.ravel(), mode="markers", name="cells", showlegend=False,
+        customdata=error.ravel().astype(np.float32),
+        hovertemplate="Λ %{x:.3f}, %{y:.2f} kg: error %{customdata:.3f}<extra></extra>",
+        marker={"size": 9, "opacity": 0}, selectedpoints=None if marked is None else [marked],
+        selected={"marker": {"opacity": 1, "size": 12, "color": SECTION}}, unselected={"marker": {"opacity": 0}}, row=1, col=3)
+    figure.update_xaxes(range=_ends(m.bearing_number))  # or the points' size would widen them
+    figure.update_yaxes(range=_ends(m.rotor_mass))
+    return figure.update_layout(height=400, margin={"l": 60, "r": 10, "t": 40, "b": 50}, dragmode="zoom", uirevision="maps",
+                                clickmode="event+select")
 
 
-def uncertainty_figure(m: StabilityMap, found: MapUncertainty) -> go.Figure:
+def _ends(values: np.ndarray) -> list[float]:
+    """Both ends of an axis whose cells lie around these values."""
+    half = 0.5 * (values[-1] - values[0]) / max(len(values) - 1, 1) or 0.5
+    return [values[0] - half, values[-1] + half]
+
+
+def uncertainty_figure(m: StabilityMap, found: MapIntervals) -> go.Figure:
     """Width of the 90 % intervals and probability of instability over the plane, side by side."""
     width = found.high - found.low
     top = max(float(np.nanquantile(width, 0.9)), 1e-3)  # the strongly damped corner is tens of times wider
@@ -155,13 +174,9 @@ def refinement_figure(r: Refinement, layer: str = "Regime") -> go.Figure:
     figure.add_scatter(x=r.bearing_number[row], y=r.rotor_mass[column], mode="markers", name=f"solve next ({len(row)})",
                        hovertemplate=f"solve next: {where}<extra></extra>",
                        marker={"color": "#CC79A7", "size": 12, "symbol": "star", "line": {"color": "#000000", "width": 1}})
-    ranges = []
-    for values in (r.bearing_number, r.rotor_mass):
-        half = 0.5 * (values[-1] - values[0]) / max(len(values) - 1, 1) or 0.5
-        ranges.append([values[0] - half, values[-1] + half])
     figure.update_layout(
-        xaxis={"title": BEARING_NUMBER_LABEL, "showgrid": False, "range": ranges[0]},
-        yaxis={"title": MASS_LABEL, "showgrid": False, "range": ranges[1]},
+        xaxis={"title": BEARING_NUMBER_LABEL, "showgrid": False, "range": _ends(r.bearing_number)},
+        yaxis={"title": MASS_LABEL, "showgrid": False, "range": _ends(r.rotor_mass)},
         margin={"l": 60, "r": 10, "t": 30, "b": 50}, height=560, dragmode="zoom",
         legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0, "itemsizing": "constant"})
     return figure

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from spab_core.artifacts import REFERENCE_MAP, load_reference_map, read_manifest
 from spab_core.bifurcation import SWEEPS, check_line, compute_bifurcation, save_bifurcation
 from spab_core.design import Design, InputError, check_number
 from spab_core.map_engine import remove_parts
@@ -115,7 +116,31 @@ def _run_point(folder: Path, parameters: dict, advance: Advance, set_total: SetT
                            settings, path_revolutions=parameters["path_revolutions"], progress=advance), folder / "result.npz")
 
 
+def _check_intervals(parameters: dict) -> dict:
+    from spab_core.pretrained import recipe_hash  # scikit-learn: two seconds that the other kinds need not wait
+    from spab_core.surrogates import DIVISORS, model
+
+    name, divisor, seed, made_from = _taken(parameters, model=..., divisor=..., seed=0, made_from=None)
+    if divisor not in DIVISORS:
+        raise InputError(f"divisor = {str(divisor)[:20]} is not allowed: choose {', '.join(map(str, DIVISORS))}")
+    now = {"map": read_manifest().get(REFERENCE_MAP, {}).get("sha256"), "recipe": recipe_hash()}
+    if made_from not in (None, now):
+        raise InputError("the shipped map or the models' code is another since; start it again")
+    return {"model": model(name).name, "divisor": divisor, "seed": int(check_number("seed", seed, 0, 999)), "made_from": now}
+
+
+def _run_intervals(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:
+    from spab_core.surrogates import model
+    from spab_core.uncertainty import STEPS, save_intervals, uncertain_map
+
+    set_total(STEPS)
+    found = uncertain_map(load_reference_map(), model(parameters["model"]), parameters["divisor"], parameters["seed"],
+                          progress=advance)
+    save_intervals(found, folder / "result.npz")
+
+
 KINDS = {
     "bifurcation": Kind("Bifurcation line", _check_bifurcation, _run_bifurcation),
     "point": Kind("Operating point", _check_point, _run_point),
+    "intervals": Kind("Intervals of a surrogate", _check_intervals, _run_intervals),
 }
