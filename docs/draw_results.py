@@ -1,15 +1,20 @@
 """Pictures for docs/results.md from the shipped data, drawn in Chromium: ``make results``."""
 
 import csv
+import sys
 from pathlib import Path
 
+import numpy as np
 import plotly.graph_objects as go
 from take_pictures import browser_page
 
 from spab_core.artifacts import BIFURCATIONS, load_reference_bifurcation, load_reference_map, load_reference_refinement
-from spab_core.figures import learning_curve_figure, map_figure, refinement_figure
+from spab_core.figures import map_figure
 from spab_core.figures_lines import bifurcation_figure
+from spab_core.figures_surrogates import learning_curve_figure, refinement_figure
+from spab_core.film import Mesh
 from spab_core.learning_curve import load_learning_curve
+from spab_core.stability import concentric_stiffness
 
 DOCS = Path(__file__).resolve().parent
 PICTURES = DOCS / "pictures"
@@ -40,6 +45,26 @@ def audit_figure(m):
     return figure
 
 
+def stiffness_figure():
+    """Largest error of the film's stiffness over the latitudes, a line for each row of the table of docs/model.md."""
+    sys.path.insert(0, str(DOCS.parent))
+    from tests.conftest import fed_design
+    from tests.physics.test_film import TABLE
+
+    figure, latitudes = go.Figure(), (2, 3, 4, 5, 6, 8, 10)
+    groups = {}
+    for edge, supply, beta, number, *exact in TABLE:
+        design = fed_design(edge, supply, beta)
+        errors = [abs(complex(*concentric_stiffness(design, number, Mesh(m, 8))) / complex(*exact) - 1.0) for m in latitudes]
+        groups.setdefault(f"edge {edge}°, P_s {supply}, β {beta}", []).append(errors)
+    for k, (name, errors) in enumerate(groups.items()):
+        figure.add_scatter(x=latitudes, y=np.max(errors, axis=0), mode="lines+markers", name=name,
+                           line={"color": ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7")[k]})
+    return figure.update_layout(
+        xaxis={"title": "latitudes of the half band"}, legend={"x": 0.98, "xanchor": "right", "y": 0.98},
+        yaxis={"title": "largest relative error of the stiffness", "type": "log", "exponentformat": "power"})
+
+
 def main():
     m = load_reference_map()
     with browser_page(WIDTH + 40, HEIGHT + 40) as page:
@@ -51,6 +76,7 @@ def main():
             line = load_reference_bifurcation(file)
             for coordinate in ("X2", "Y2"):
                 draw(page, bifurcation_figure(line, [coordinate]), f"{Path(file).stem}_{coordinate}")
+        draw(page, stiffness_figure(), "stiffness")
         if (DOCS / "audit.csv").exists():
             draw(page, audit_figure(m), "audit")
         draw(page, refinement_figure(load_reference_refinement(), "Regime"), "refined_cells")

@@ -1,19 +1,27 @@
 """Surrogate map: a model trained on some of the map's cells predicts the rest; solved, predicted and error side by side."""
 
+from functools import partial
+
 import numpy as np
 import streamlit as st
 
-from spab_core.evaluation import error_by_regime, errors, uncertainty_scores
-from spab_core.figures import reliability_figure, surrogate_figure, uncertainty_figure
+from spab_core.evaluation import comparison_words, error_by_regime, errors, uncertainty_scores
+from spab_core.export import prediction_table
+from spab_core.figures_surrogates import reliability_figure, surrogate_figure, uncertainty_figure
+from spab_core.pretrained import prediction_npz
 from spab_core.surrogates import DIVISORS, MODELS
+from spab_core.ui.downloads import downloads
+from spab_core.ui.jobs import job_panel
 from spab_core.ui.shared import (
     errors_in_words,
+    intervals_of_job,
+    live_point,
     page_head,
     predicted_map,
     reference_map,
     time_text,
-    uncertain_reference_map,
 )
+from spab_core.ui.view import set_point
 from spab_core.uncertainty import reliability
 
 page_head("surrogate map")
@@ -21,20 +29,54 @@ page_head("surrogate map")
 with errors_in_words():
     m = reference_map()
 
+state = st.session_state
+
+
+def _compare(index: int):
+    """Choose a cell to be compared with the live solve; the whole dashboard has it as its point then."""
+    state["compared"] = index
+    row, column = divmod(index, len(m.rotor_mass))
+    set_point(m.rotor_mass[column], m.bearing_number[row])
+
+
+def _clicked():
+    points = state["maps"]["selection"]["points"]
+    if points:
+        _compare(int(points[0]["point_index"]))
+
+
+def _compare_here(index: int):
+    _compare(index)
+    state["compared_mark"] = index
+
+
+def _model_changed():
+    """Another figure must show the cell clicked last, which the browser alone knew; a click itself leaves it as it is."""
+    state["compared_mark"] = state.get("compared")
+
+
 st.markdown("#### Surrogate map of the reference bearing")
-a, b, c = st.columns([2, 2.4, 1], vertical_alignment="bottom")
+a, b, c, d = st.columns([2, 2.2, 0.8, 0.9], vertical_alignment="bottom")
 names = list(MODELS)
-name = a.selectbox("Model", names, key="model",
+name = a.selectbox("Model", names, key="model", on_change=_model_changed,
                    format_func=lambda k: f"{MODELS[k].label} ({MODELS[k].group})",
                    help="Paper: the four of Kuo, Lee and Wang. Interpolation: what a designer would do without them.")
-divisor = b.segmented_control("Cells trained on, of n solved ones", DIVISORS, key="divisor",
+divisor = b.segmented_control("Cells trained on, of n solved ones", DIVISORS, key="divisor", on_change=_model_changed,
                               format_func=lambda k: f"n/{k}") or 8
-seed = c.number_input("Draw", 0, 999, key="draw", help="Which cells are drawn to train on: another number, other cells")
+seed = c.number_input("Draw", 0, 999, key="draw", on_change=_model_changed,
+                      help="Which cells are drawn to train on: another number, other cells")
 
 with errors_in_words():
     predicted = predicted_map(name, divisor, int(seed))
 
 found, deviation = errors(m, predicted), float(np.nanstd(m.mle))
+figure = surrogate_figure(m, predicted, state.get("compared_mark"))
+lives = error_by_regime(m, predicted)
+with d:
+    downloads("surrogate", {"Maps": figure}, {
+        "Predicted map": partial(prediction_table, m, predicted), "Errors": lives.rename_axis("cells").reset_index},
+        {"npz": partial(prediction_npz, m, predicted)},
+        f"spab predict --model {name} --divisor {divisor} --seed {int(seed)} --out predicted.npz")
 cells = st.columns(5)
 cells[0].metric("RMSE, held-out cells", f"{found['rmse_held_out']:.3f}",
                 help="Per revolution, over the cells that were not trained on")
@@ -48,23 +90,55 @@ cells[4].metric("Cells trained on", f"{predicted.surrogate.training_cells:,}")
 if predicted.surrogate.converged is False:
     st.warning("The training of this network stopped at its limit of 500 epochs, before its own criterion was met.")
 
-st.plotly_chart(surrogate_figure(m, predicted), key="maps", width="stretch")
+st.plotly_chart(figure, key="maps", width="stretch", on_select=_clicked,
+                selection_mode="points", config={"displaylogo": False, "scrollZoom": True})
+
+sure = None
+compared = state.get("compared")
+if compared is None:
+    nearest = m.nearest(state["rotor_mass"], state["bearing_number"])
+    a, b = st.columns([3, 1], vertical_alignment="center")
+    a.info("Click a cell of the error map: the prediction there is compared with the live solve.")
+    b.button(f"Compare at Λ {m.bearing_number[nearest[0]]:.3g}, {m.rotor_mass[nearest[1]]:.3g} kg", key="compare_here",
+             width="stretch", on_click=_compare_here, args=(int(nearest[0]) * len(m.rotor_mass) + int(nearest[1]),))
+else:
+    cell = divmod(compared, len(m.rotor_mass))
+    number, mass = float(m.bearing_number[cell[0]]), float(m.rotor_mass[cell[1]])
+    a, b = st.columns([3, 1], vertical_alignment="bottom")
+    a.markdown(f"##### Compared at Λ {number:.3f}, {m.design.speed_rpm(number):,.0f} rpm, {mass:.2f} kg")
+    if b.button("Open this operating point", key="open_point", icon=":material/arrow_forward:", width="stretch",
+                on_click=set_point, args=(mass, number)):
+        st.switch_page("pages/1_Operating_point.py")
+    told = st.empty()
+if compared is not None or state.get("sure"):
+    job = job_panel("intervals", {"model": name, "divisor": divisor, "seed": int(seed)}, "Compute its 90 % intervals",
+                    "intervals", auto=True)
+    with errors_in_words():
+        sure = intervals_of_job(job) if job else None
+if compared is not None:
+    with errors_in_words():
+        point = live_point(m.design, mass, number)
+    interval = (float(sure.low[cell]), float(sure.high[cell])) if sure else None
+    inside, words = comparison_words(float(predicted.mle[cell]), point.mle, interval, bool(predicted.trained[cell]))
+    {True: told.success, False: told.warning, None: told.info}[inside](words)
+
 if predicted.note:
     st.warning(f"Trained on this machine: {predicted.note}.")
 st.caption(f"{time_text(predicted)} Colours end at the 98th percentile of the error; training cells are blank "
            "there. Cells without an exponent are left out.")
 
 st.markdown("##### Where the error lives (held-out cells)")
-st.dataframe(error_by_regime(m, predicted), width="content", column_config={
+st.dataframe(lives, width="content", column_config={
     "cells": st.column_config.NumberColumn("cells", format="localized"),
     "rmse": st.column_config.NumberColumn("RMSE per revolution", format="%.4f"),
     "mae": st.column_config.NumberColumn("MAE per revolution", format="%.4f"),
     "share": st.column_config.NumberColumn("share of squared error", format="percent")})
 
-if st.toggle("How sure is it? Regimes, intervals and probability of instability (trains for some seconds more)", key="sure"):
-    with errors_in_words():
-        sure = uncertain_reference_map(name, divisor, int(seed))
-    scores, tested = uncertainty_scores(m, sure), sure.regimes.held_out
+st.toggle("How sure is it? Regimes, intervals and probability of instability", key="sure")
+if state["sure"] and sure is None:
+    st.caption("Its intervals are being computed: progress stands under the maps.")
+elif state["sure"]:
+    scores, tested = uncertainty_scores(m, sure), sure.held_out
     bins, _ = reliability(m.regime[tested] != "periodic", sure.unstable[tested])
     cells = st.columns(5)
     cells[0].metric("Regime accuracy", f"{scores['regime_accuracy']:.1%}",

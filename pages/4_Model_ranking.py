@@ -6,8 +6,9 @@ import streamlit as st
 
 from spab_core.artifacts import load_reference_scores
 from spab_core.evaluation import PAPER_RMSE, ranking, spread, suggestion, table
-from spab_core.figures import fraction_figure
+from spab_core.figures_surrogates import fraction_figure
 from spab_core.surrogates import DIVISORS, MODELS
+from spab_core.ui.downloads import downloads
 from spab_core.ui.shared import block_scores, errors_in_words, page_head, reference_map
 
 page_head("model ranking")
@@ -18,7 +19,7 @@ with errors_in_words():
 st.markdown("#### Which model predicts the map best?")
 best_first = ranking(scores)
 st.success(suggestion(best_first))
-a, b = st.columns(2)
+a, b, c = st.columns([2, 2.4, 0.9], vertical_alignment="bottom")
 metric = a.segmented_control("Error", ("rmse", "mae"), default="rmse", key="metric", format_func=str.upper) or "rmse"
 kind = b.segmented_control("Over", ("held_out", "all"), default="held_out", key="cells", format_func=lambda k: {
     "held_out": "held-out cells", "all": "whole map (as the paper counts)"}[k]) or "held_out"
@@ -26,14 +27,18 @@ kind = b.segmented_control("Over", ("held_out", "all"), default="held_out", key=
 column = f"{metric}_{kind}"
 found = table(scores, column)[best_first.index]  # the best first
 fractions = [f"n/{k}" for k in DIVISORS if f"n/{k}" in found.index]
+figure = fraction_figure(found.loc[fractions], spread(scores, column), f"{metric.upper()} per revolution")
+ranked = best_first if kind == "held_out" else ranking(scores, kind)
+with c:
+    downloads("ranking", {"Errors": figure}, {
+        "Ranking": ranked.rename_axis("model").reset_index, "Table": found.rename_axis("trained on").reset_index,
+        "All trainings": scores.copy}, command="spab evaluate --out scores.csv")
 left, right = st.columns(2, gap="medium")
 with left:
-    figure = fraction_figure(found.loc[fractions], spread(scores, column), f"{metric.upper()} per revolution")
     st.plotly_chart(figure, key="lines", width="stretch")
     st.caption(f"Means over {scores['seed'].nunique()} draws of the training cells, bars: one standard deviation. Solid: the "
                "paper's models, dotted: interpolation, dashed: others.")
 with right:
-    ranked = best_first if kind == "held_out" else ranking(scores, kind)
     st.dataframe(ranked.rename(index=lambda k: MODELS[k].label), height=420, column_config={
         "_index": st.column_config.Column("model", width=140),
         "rmse": st.column_config.NumberColumn("RMSE", format="%.4f"),

@@ -1,11 +1,14 @@
 """Where to solve next: the cells of the map worth solving, those named next, and what choosing them saves."""
 
+from functools import partial
+
 import streamlit as st
 
-from spab_core.artifacts import load_reference_refinement
-from spab_core.figures import REFINE_LAYERS, learning_curve_figure, refinement_figure
+from spab_core.artifacts import REFINED, checked_bytes, load_reference_refinement
+from spab_core.figures_surrogates import REFINE_LAYERS, learning_curve_figure, refinement_figure
 from spab_core.learning_curve import GOAL, goal, load_learning_curve
 from spab_core.refine import DAMPED
+from spab_core.ui.downloads import downloads
 from spab_core.ui.shared import errors_in_words, page_head
 
 page_head("where to solve next")
@@ -28,14 +31,17 @@ st.caption(f"Without the most strongly damped cells, from Λ = {DAMPED:g} on, th
 
 left, right = st.columns([1.25, 1], gap="medium")
 with left:
-    layer = st.segmented_control("Predicted", REFINE_LAYERS, default=REFINE_LAYERS[0], key="layer") or REFINE_LAYERS[0]
-    st.plotly_chart(refinement_figure(refined, layer), key="plane", width="stretch")
+    layer = st.segmented_control("Predicted", REFINE_LAYERS, default=REFINE_LAYERS[0],
+                                 key="refine_layer") or REFINE_LAYERS[0]
+    figure = refinement_figure(refined, layer)
+    st.plotly_chart(figure, key="plane", width="stretch")
     st.caption(f"Black: the {int(refined.solved.sum()):,} solved cells of {refined.batch.size:,}, from a coarse start of "
                f"{refined.metadata['start']} in {refined.metadata['batches']} batches. Colours: what they predict. Stars: the "
                "cells to solve next.")
 with right:
-    st.markdown("##### Solve next")
     suggested = refined.suggestions()
+    head, button = st.columns([2, 1], vertical_alignment="bottom")
+    head.markdown("##### Solve next")
     st.dataframe(suggested, height=455, hide_index=True, column_config={
         "bearing_number": st.column_config.NumberColumn("Λ", format="%.4g"),
         "speed_rpm": st.column_config.NumberColumn("rpm", format="%.0f"),
@@ -46,11 +52,14 @@ with right:
         "probability_unstable": st.column_config.NumberColumn("unstable", format="%.2f",
                                                               help="Probability that the motion is not periodic"),
         "in_doubt": "in doubt"})
-    st.download_button("Download these points as CSV", suggested.to_csv(index=False), "solve_next.csv", "text/csv", key="csv")
-    st.markdown("For a bearing of your own:")
     number, mass = (f"{a[0]:g}:{a[-1]:g}:{len(a)}" for a in (refined.bearing_number, refined.rotor_mass))
-    st.code(f"spab refine --design my.toml --bearing-number {number} --rotor-mass {mass} --budget {int(refined.solved.sum())} "
-            "--out refined.npz", language="bash", wrap_lines=True)
+    command = (f"spab refine --design my.toml --bearing-number {number} --rotor-mass {mass} --budget "
+               f"{int(refined.solved.sum())} --out refined.npz")
+    with button:
+        downloads("solve_next", {"Plane": figure}, {"Points": suggested.copy, "Learning curve": rows.copy},
+                  {"npz": partial(checked_bytes, REFINED)}, command)
+    st.markdown("For a bearing of your own:")
+    st.code(command, language="bash", wrap_lines=True)
 
 st.markdown("##### What choosing saves")
 judged = st.segmented_control("Judged on", ("unsolved", "withheld"), default="unsolved", key="judged", format_func=lambda k: {

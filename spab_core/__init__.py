@@ -39,6 +39,7 @@ point_file      A solved operating point as a file
 job_kinds       What a background job can be
 jobs            Long work in a worker process, its state on disk: queued, running, cancelled, failed, done
 figures         Plotly figures from results; of lines in figures_lines
+figures_surrogates  Those of surrogates, of refining and of the map's audit
 ui              The only part that knows Streamlit
 report          Design, points, figures, versions and command lines in one HTML file or PDF
 export          Results as files for others: figures as HTML and PNG, maps as NetCDF and CSV

@@ -14,7 +14,11 @@ from spab_core.design import InputError, write_atomically
 from spab_core.refine import Refinement, load_refinement
 from spab_core.stability_map import StabilityMap, load_map
 
-ARTIFACTS = Path(__file__).resolve().parent.parent / "artifacts"
+_PACKAGE = Path(__file__).resolve().parent
+# app.py, pages/, artifacts/ and docs/: packed into the package where it was installed from a wheel, else beside it
+HOME = _PACKAGE / "dashboard" if (_PACKAGE / "dashboard").is_dir() else _PACKAGE.parent
+ARTIFACTS = HOME / "artifacts"
+AUDIT = HOME / "docs" / "audit.csv"
 REFERENCE_MAP = "reference_map.npz"
 SCORES = "surrogate_scores.csv"
 BLOCK_SCORES = "surrogate_scores_blocks.csv"  # on withheld rectangles of the plane
@@ -153,6 +157,18 @@ def load_reference_scores(folder: Path = ARTIFACTS) -> pd.DataFrame:
 def load_reference_refinement(folder: Path = ARTIFACTS) -> Refinement:
     """The shipped map refined from n/16 of its cells. Raises :class:`ArtifactError` or ``MapError``."""
     return load_refinement(checked_path(REFINED, folder))
+
+
+def load_audit(path: Path = AUDIT) -> pd.DataFrame:
+    """The cells of the map that benchmarks/audit_map.py solved again, finer and longer. Raises :class:`ArtifactError`."""
+    try:
+        rows = pd.read_csv(path, keep_default_na=False, na_values={"mle": "", "error": ""})
+        if missing := {"map_regime", "map_mle", "regime", "mle", "error"} - set(rows.columns):
+            raise ValueError(f"no column {sorted(missing)[0]!r}")
+    except (OSError, ValueError) as error:
+        told = getattr(error, "strerror", None) or error
+        raise ArtifactError(f"cannot read {path} ({told}): `make audit` makes it") from None
+    return rows
 
 
 if __name__ == "__main__":

@@ -14,9 +14,9 @@ from spab_core.artifacts import ARTIFACTS, load_reference_map
 from spab_core.classifier import predict_regimes
 from spab_core.design import InputError, check_number, check_output, write_atomically
 from spab_core.evaluation import SEEDS, errors, evaluate, ranking, suggestion, table
-from spab_core.pretrained import find_model, predict_with
+from spab_core.pretrained import find_model, predict_with, prediction_npz
 from spab_core.simulate import check_point
-from spab_core.stability_map import StabilityMap, load_map, npz_bytes
+from spab_core.stability_map import StabilityMap, load_map
 from spab_core.surrogates import DIVISORS, MODELS, SPLITS, Model, model
 from spab_core.uncertainty import CONFIDENCE, TooFewCells, uncertain_map
 
@@ -161,8 +161,7 @@ def _predict(args) -> dict:
             text.insert(1, f"{CONFIDENCE:.0%} interval {low:+.4f} to {high:+.4f}")
             text.insert(3, f"probability of instability (not periodic) {answer['probability_unstable']:.3f}")
     if args.out is not None:
-        arrays = {"bearing_number": m.bearing_number, "rotor_mass": m.rotor_mass}
-        write_atomically(args.out, npz_bytes(arrays | {"mle": predicted.mle, "trained": predicted.trained}))
+        write_atomically(args.out, prediction_npz(m, predicted))
         answer["out"] = args.out
         text.append(f"predicted map in {args.out}")
     if not args.json:

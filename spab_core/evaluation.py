@@ -11,10 +11,11 @@ import pandas as pd
 from scipy.stats import ttest_rel
 
 from spab_core.classifier import regimes_by_threshold
+from spab_core.lyapunov import Exponent
 from spab_core.regimes import REGIMES
 from spab_core.stability_map import StabilityMap
 from spab_core.surrogates import DIVISORS, MODELS, Model, PredictedMap, predict_map
-from spab_core.uncertainty import MapUncertainty, reliability, uncertain_map
+from spab_core.uncertainty import CONFIDENCE, MapIntervals, reliability, uncertain_map
 
 SEEDS = tuple(range(10))
 METRICS = ("rmse", "mae")
@@ -75,7 +76,7 @@ def score(m: StabilityMap, kind: Model, divisor: int, seed: int, split: str = "r
                     "converged": predicted.surrogate.converged}
 
 
-def uncertainty_scores(m: StabilityMap, found: MapUncertainty) -> dict[str, float]:
+def uncertainty_scores(m: StabilityMap, found: MapIntervals) -> dict[str, float]:
     """How well regimes, intervals and probabilities hold on held-out cells.
 
     Returns
@@ -85,13 +86,47 @@ def uncertainty_scores(m: StabilityMap, found: MapUncertainty) -> dict[str, floa
         ``coverage_quasi-periodic``, ``coverage_chaotic`` (by the regime that the solver found; nan where there is none) and
         ``width``, the median per revolution; of the probability of instability ``calibration_error``.
     """
-    tested = found.regimes.held_out
+    tested = found.held_out
     truth = m.regime[tested]
     inside = ((found.low <= m.mle) & (m.mle <= found.high))[tested]
-    scores = regime_scores(truth, found.regimes.regime[tested]) | {"coverage": float(inside.mean())}
+    scores = regime_scores(truth, found.regime[tested]) | {"coverage": float(inside.mean())}
     scores |= {f"coverage_{r}": float(inside[truth == r].mean()) if (truth == r).any() else math.nan for r in REGIMES}
     _, error = reliability(truth != "periodic", found.unstable[tested])
     return scores | {"width": float(np.median((found.high - found.low)[tested])), "calibration_error": error}
+
+
+def comparison_words(predicted: float, exponent: Exponent | None, interval: tuple[float, float] | None,
+                     trained: bool) -> tuple[bool | None, str]:
+    """A prediction beside the solver's answer.
+
+    Parameters
+    ----------
+    predicted : float
+        Per revolution; nan where the map has no exponent.
+    exponent : Exponent or None
+        Solved; None where the run failed.
+    interval : (float, float) or None
+        Of :data:`uncertainty.CONFIDENCE`; None where it is not known yet.
+    trained : bool
+        Whether the model was trained on this cell.
+
+    Returns
+    -------
+    bool or None
+        Whether the solved exponent lies inside the interval; None where that cannot be said.
+    str
+        In words.
+    """
+    if exponent is None or not math.isfinite(predicted):
+        return None, "There is nothing to compare: the run failed here, live or on the map."
+    words = (f"Predicted {predicted:+.3f}, solved live {exponent.value:+.3f} ± {exponent.standard_error:.3f} per revolution: "
+             f"{abs(predicted - exponent.value):.3f} apart")
+    inside = None
+    if interval is not None and np.isfinite(interval).all():
+        inside = bool(interval[0] <= exponent.value <= interval[1])
+        words += (f". The solved value lies {'inside' if inside else 'outside'} the model's {CONFIDENCE:.0%} interval, "
+                  f"{interval[0]:+.3f} to {interval[1]:+.3f}" + ("" if inside else "; one cell in ten should"))
+    return inside, words + (". The model was trained on this cell." if trained else ".")
 
 
 def score_uncertainty(m: StabilityMap, kind: Model, divisor: int, seed: int, split: str = "random") -> dict:

@@ -17,6 +17,7 @@ from spab_core.design import InputError
 from spab_core.integrate import STATUS
 from spab_core.regimes import REGIMES
 from spab_core.stability_map import StabilityMap
+from spab_core.surrogates import PredictedMap
 
 PNG_SIZE = (1200, 750)
 _CODES = {"regime": ("no exponent", *REGIMES), "status": STATUS}  # text arrays: NetCDF 3 has numbers with flag meanings
@@ -73,6 +74,12 @@ def map_table(m: StabilityMap) -> pd.DataFrame:
         "rotor_mass_kg": np.tile(m.rotor_mass, len(m.bearing_number))}
     return pd.DataFrame(columns | {name: getattr(m, name).ravel() for name in (
         "mle", "mle_standard_error", "regime", "period", "contact_share", "max_eccentricity", "status", "revolutions")})
+
+
+def prediction_table(m: StabilityMap, predicted: PredictedMap) -> pd.DataFrame:
+    """A predicted map beside the solved one, one row a cell as in :func:`map_table`."""
+    return map_table(m)[["bearing_number", "speed_rpm", "rotor_mass_kg", "mle"]].assign(
+        predicted_mle=predicted.mle.ravel(), trained=predicted.trained.ravel())
 
 
 def map_netcdf(m: StabilityMap) -> bytes:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from spab_core.artifacts import REFERENCE_MAP, load_reference_map, read_manifest
 from spab_core.bifurcation import SWEEPS, check_line, compute_bifurcation, save_bifurcation
 from spab_core.design import Design, InputError, check_number, write_atomically
 from spab_core.export import csv_bytes
@@ -187,10 +188,34 @@ def _run_map(folder: Path, parameters: dict, advance: Advance, set_total: SetTot
     remove_parts(folder / "parts")
 
 
+def _check_intervals(parameters: dict) -> dict:
+    from spab_core.pretrained import recipe_hash  # scikit-learn: two seconds that the other kinds need not wait
+    from spab_core.surrogates import DIVISORS, model
+
+    name, divisor, seed, made_from = _taken(parameters, model=..., divisor=..., seed=0, made_from=None)
+    if divisor not in DIVISORS:
+        raise InputError(f"divisor = {str(divisor)[:20]} is not allowed: choose {', '.join(map(str, DIVISORS))}")
+    now = {"map": read_manifest().get(REFERENCE_MAP, {}).get("sha256"), "recipe": recipe_hash()}
+    if made_from not in (None, now):
+        raise InputError("the shipped map or the models' code is another since; start it again")
+    return {"model": model(name).name, "divisor": divisor, "seed": int(check_number("seed", seed, 0, 999)), "made_from": now}
+
+
+def _run_intervals(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:
+    from spab_core.surrogates import model
+    from spab_core.uncertainty import STEPS, save_intervals, uncertain_map
+
+    set_total(STEPS)
+    found = uncertain_map(load_reference_map(), model(parameters["model"]), parameters["divisor"], parameters["seed"],
+                          progress=advance)
+    save_intervals(found, folder / "result.npz")
+
+
 KINDS = {
     "bifurcation": Kind("Bifurcation line", _check_bifurcation, _run_bifurcation),
     "point": Kind("Operating point", _check_point, _run_point),
     "map": Kind("Map of a bearing", _check_map, _run_map),
     "sensitivity": Kind("What if", _check_sensitivity, _run_sensitivity, "result.json"),
     "ranking": Kind("Ranking on own data", _check_ranking, _run_ranking, "result.csv"),
+    "intervals": Kind("Intervals of a surrogate", _check_intervals, _run_intervals),
 }

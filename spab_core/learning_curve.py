@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from spab_core.artifacts import ARTIFACTS
+from spab_core.artifacts import HOME
 from spab_core.design import InputError
 from spab_core.refine import (
     START,
@@ -32,7 +32,7 @@ WITHHELD_DIVISORS = (64, 32, 16)  # of refining there
 SLOW = ("svr", "mlp")  # worse than any other model by far, and the SVR takes half a minute a map
 COMMITTEE = "committee"
 CHAOTIC_MLE = 0.01  # smallest exponent called chaotic, as in spab_core.regimes
-LEARNING_CURVE = ARTIFACTS.parent / "docs" / "learning_curve.csv"
+LEARNING_CURVE = HOME / "docs" / "learning_curve.csv"
 COLUMNS = ("strategy", "model", "judged", "divisor", "solved", "seed", "rmse", "rmse_undamped", "mae", "accuracy", "chaos_f1")
 METRICS = COLUMNS[6:]
 GOAL = (16, 4)  # refined n/16 against random n/4

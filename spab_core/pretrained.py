@@ -31,7 +31,7 @@ from threadpoolctl import threadpool_limits
 from spab_core import model_cache
 from spab_core.artifacts import ARTIFACTS, PREDICTIONS, SECONDS, ArtifactError, checked_bytes, read_manifest
 from spab_core.design import Design
-from spab_core.stability_map import FIELDS, UNREADABLE, StabilityMap
+from spab_core.stability_map import FIELDS, UNREADABLE, StabilityMap, npz_bytes
 from spab_core.surrogates import Model, PredictedMap, Surrogate, predict_map, solved_cells, training_mask
 
 SEED = 0  # of what is shipped
@@ -320,6 +320,12 @@ def predict_with(m: StabilityMap, surrogate: Surrogate, divisor: int) -> Predict
     seconds = time.perf_counter() - began
     return PredictedMap(surrogate.model, divisor, surrogate.seed, predicted.reshape(m.shape), trained.reshape(m.shape),
                         surrogate, seconds)
+
+
+def prediction_npz(m: StabilityMap, predicted: PredictedMap) -> bytes:
+    """A predicted map as an NPZ file: ``bearing_number``, ``rotor_mass`` in kg, ``mle`` per revolution, ``trained``."""
+    return npz_bytes({"bearing_number": m.bearing_number, "rotor_mass": m.rotor_mass, "mle": predicted.mle,
+                      "trained": predicted.trained})
 
 
 def keep_model(m: StabilityMap, surrogate: Surrogate, divisor: int) -> Path:

@@ -10,7 +10,10 @@ training cells around a point differ. Cells drawn at random from the same plane 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -19,10 +22,10 @@ from crepes.extras import DifficultyEstimator
 from sklearn.isotonic import IsotonicRegression
 
 from spab_core.classifier import PredictedRegimes, RegimeTrees, predict_regimes
-from spab_core.design import InputError
+from spab_core.design import InputError, write_atomically
 from spab_core.features import LinearFeatures, LinearTable, shipped_table
 from spab_core.regimes import REGIMES
-from spab_core.stability_map import StabilityMap
+from spab_core.stability_map import UNREADABLE, StabilityMap, npz_bytes
 from spab_core.surrogates import Model, Surrogate, linear_table_of, solved_cells, train
 from spab_core.theory_models import baseline
 
@@ -123,31 +126,50 @@ def calibrate(kind: Model, inputs: np.ndarray, mle: np.ndarray, regime: np.ndarr
 
 
 @dataclass(frozen=True)
-class MapUncertainty:
+class MapIntervals:
     """Regimes, intervals and probabilities of a whole map from some of its own cells.
 
     Attributes
     ----------
-    regimes : PredictedRegimes
-        Of the classifier trained on all training cells.
-    calibrated : Uncertainty
     low, high : ndarray, (B, M)
         Bounds of the 90 % intervals, per revolution; nan where the map has no exponent.
     unstable : ndarray, (B, M)
         Probability that the motion is not periodic; nan likewise.
+    regime : ndarray of str, (B, M)
+        By the classifier trained on all training cells; "" likewise.
+    held_out : ndarray of bool, (B, M)
+        Cells that scores are measured on.
     seconds : float
         Of training both.
     """
 
-    regimes: PredictedRegimes
-    calibrated: Uncertainty
     low: np.ndarray
     high: np.ndarray
     unstable: np.ndarray
+    regime: np.ndarray
+    held_out: np.ndarray
     seconds: float
 
 
-def uncertain_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0, split: str = "random") -> MapUncertainty:
+@dataclass(frozen=True)
+class MapUncertainty(MapIntervals):
+    """The same with what was trained for it.
+
+    Attributes
+    ----------
+    regimes : PredictedRegimes
+    calibrated : Uncertainty
+    """
+
+    regimes: PredictedRegimes
+    calibrated: Uncertainty
+
+
+STEPS = 3  # of uncertain_map
+
+
+def uncertain_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0, split: str = "random",
+                  progress: Callable[[int], None] = lambda steps: None) -> MapUncertainty:
     """Regimes, intervals and probabilities of a map from the training cells of ``surrogates.predict_map``.
 
     Parameters
@@ -156,6 +178,8 @@ def uncertain_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0, spl
     kind : Model
     divisor, seed, split
         As in ``surrogates.predict_map``.
+    progress : callable
+        Called with the steps done since the last call, :data:`STEPS` in all.
 
     Raises
     ------
@@ -164,16 +188,47 @@ def uncertain_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0, spl
         For a split that cannot be made.
     """
     regimes = predict_regimes(m, divisor, seed, split)
+    progress(1)
     index, inputs, mle = solved_cells(m)
     chosen = regimes.trained.ravel()[index]
     began = time.perf_counter()
     found = calibrate(kind, inputs[chosen], mle[chosen], m.regime.ravel()[index][chosen], seed, linear_table_of(m))
     seconds = regimes.train_seconds + time.perf_counter() - began
+    progress(1)
     values = np.full((3, m.mle.size), np.nan)
     values[:2, index] = found.intervals(*inputs.T)
     values[2, index] = found.unstable(*inputs.T)
     low, high, unstable = values.reshape(3, *m.shape)
-    return MapUncertainty(regimes, found, low, high, unstable, seconds)
+    progress(1)
+    return MapUncertainty(low, high, unstable, regimes.regime, regimes.held_out, seconds, regimes, found)
+
+
+_ARRAYS: dict[str, Any] = {"low": np.float32, "high": np.float32, "unstable": np.float32, "regime": "<U14", "held_out": bool}
+
+
+def save_intervals(found: MapIntervals, path: str | Path) -> None:
+    """Write the intervals of a map as NPZ, atomically."""
+    arrays = {name: getattr(found, name).astype(dtype) for name, dtype in _ARRAYS.items()}
+    write_atomically(path, npz_bytes(arrays | {"seconds": np.array(found.seconds)}))
+
+
+def load_intervals(path: str | Path, m: StabilityMap) -> MapIntervals:
+    """Read what :func:`save_intervals` wrote for this map; nothing in it is ever unpickled.
+
+    Raises
+    ------
+    InputError
+        For a file that is none, or does not fit the map.
+    """
+    try:
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as data:
+            arrays = {name: np.asarray(data[name], dtype) for name, dtype in _ARRAYS.items()}
+            seconds = float(data["seconds"])
+        if any(array.shape != m.shape for array in arrays.values()):
+            raise ValueError("it does not fit the map")
+    except (*UNREADABLE, TypeError) as error:
+        raise InputError(f"cannot read the intervals in {path} ({str(error)[:100]})") from None
+    return MapIntervals(**arrays, seconds=seconds)
 
 
 def reliability(unstable: np.ndarray, probability: np.ndarray, bins: int = 10) -> tuple[pd.DataFrame, float]:

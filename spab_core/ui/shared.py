@@ -6,6 +6,7 @@ import math
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -24,13 +25,14 @@ from spab_core.artifacts import (
 from spab_core.design import Design, InputError
 from spab_core.figures import map_figure, mark_cell, mark_point
 from spab_core.integrate import is_compiled
+from spab_core.jobs import Job
 from spab_core.point import OperatingPoint, solve_point
 from spab_core.pretrained import ServedMap, find_map
 from spab_core.simulate import Settings
 from spab_core.stability_map import StabilityMap
 from spab_core.surrogates import model
 from spab_core.ui.view import open_view
-from spab_core.uncertainty import MapUncertainty, uncertain_map
+from spab_core.uncertainty import MapIntervals, load_intervals
 
 LIVE = Settings(transient=200, revolutions=200)
 LIVE_PATHS = 48  # orders of the spectrum are 1/48 apart; halves and thirds fall on them
@@ -43,7 +45,8 @@ def page_head(title: str) -> None:
             "@media(max-width:640px){.block-container{padding:4rem 1rem 1rem}} "
             "section[data-testid=stSidebar]{width:12.5rem !important;"
             "min-width:12.5rem} [data-testid=stMetricValue]{font-size:1.5rem} "
-            "[data-testid=stMetricLabel] p{font-size:.74rem}</style>")
+            "[data-testid=stMetricLabel] p{font-size:.74rem} "
+            "@media(max-width:640px){.block-container{padding:3.6rem 1rem 1rem}}</style>")
     for complaint in open_view():
         st.error(complaint)
 
@@ -137,14 +140,13 @@ def time_text(predicted: ServedMap) -> str:
 
 
 @st.cache_resource(max_entries=16, show_spinner=False)
-def _uncertain(stamp: float, name: str, divisor: int, seed: int) -> MapUncertainty:
-    return uncertain_map(_map(stamp), model(name), divisor, seed)
+def _intervals(path: Path, finished: float | None, stamp: float) -> MapIntervals:
+    return load_intervals(path, _map(stamp))
 
 
-def uncertain_reference_map(name: str, divisor: int, seed: int) -> MapUncertainty:
-    """Regimes, intervals and probabilities of the reference map, now or out of the last sixteen. Raises ``InputError``."""
-    with st.spinner(f"Calibrating: {model(name).label} on three quarters of n/{divisor}, and the regime classifier …"):
-        return _uncertain(_stamp(), name, divisor, seed)
+def intervals_of_job(job: Job) -> MapIntervals:
+    """What a finished job of the kind "intervals" has found for the shipped map. Raises ``InputError``."""
+    return _intervals(job.result, job.finished, _stamp())
 
 
 def block_scores() -> pd.DataFrame | None:

@@ -7,11 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 from streamlit.testing.v1 import AppTest
 
 from spab_core import artifacts, learning_curve
 from spab_core.artifacts import REFINED, write_manifest
-from spab_core.figures import REFINE_LAYERS
+from spab_core.figures_surrogates import REFINE_LAYERS
 from spab_core.refine import map_oracle, refine, save_refinement
 from tests.conftest import ROOT
 from tests.unit.test_learning_curve import made_up
@@ -27,7 +28,8 @@ def small(tmp_path, monkeypatch):
     save_refinement(refine(m.bearing_number, m.rotor_mass, map_oracle(m), 60, metadata=m.metadata), tmp_path / REFINED)
     write_manifest(tmp_path)
     curve(tmp_path, (0.2, 0.95), (0.3, 0.94), (0.4, 0.90))
-    monkeypatch.setattr(artifacts.load_reference_refinement, "__defaults__", (tmp_path,))
+    for reader in (artifacts.load_reference_refinement, artifacts.checked_bytes):
+        monkeypatch.setattr(reader, "__defaults__", (tmp_path,))
     monkeypatch.setattr(learning_curve.load_learning_curve, "__defaults__", (tmp_path / "curve.csv",))
     st.cache_resource.clear()
     return tmp_path
@@ -48,7 +50,7 @@ def test_every_layer_and_both_judgements(small):
     assert "0.250" in at.success[0].value and "0.350" in at.success[0].value  # the means of the made-up curve
     seen = set()
     for layer in REFINE_LAYERS:
-        at.button_group(key="layer").select(layer).run()
+        at.button_group(key="refine_layer").select(layer).run()
         assert not at.exception and not at.error
         traces = {t.get("name"): t for t in figure(at, 0)["data"]}
         assert {"solved (60)", "solve next (24)"} <= traces.keys()
@@ -61,13 +63,14 @@ def test_every_layer_and_both_judgements(small):
 
 def test_the_points_to_solve_next_are_cells_not_solved(small, monkeypatch):
     downloaded = []
-    real = st.download_button
+    real = DeltaGenerator.download_button
 
-    def seen(label, data, *more, **options):  # AppTest does not hand out what a button downloads
-        downloaded.append(data)
-        return real(label, data, *more, **options)
+    def seen(self, label, data, *more, **options):  # AppTest does not hand out what a button downloads
+        downloaded.append((label, data))
+        return real(self, label, data, *more, **options)
 
-    monkeypatch.setattr(st, "download_button", seen)
+    monkeypatch.setattr(DeltaGenerator, "download_button", seen)
+    monkeypatch.setattr(st, "download_button", lambda *more, **options: seen(st._main, *more, **options))
     at = AppTest.from_file(PAGE, default_timeout=60).run()
     table = at.dataframe[0].value
     assert len(table) == 24 and {"bearing_number", "rotor_mass_kg", "in_doubt"} <= set(table.columns)
@@ -75,7 +78,12 @@ def test_the_points_to_solve_next_are_cells_not_solved(small, monkeypatch):
     row = [int(np.abs(refined.bearing_number - b).argmin()) for b in table["bearing_number"]]
     column = [int(np.abs(refined.rotor_mass - m).argmin()) for m in table["rotor_mass_kg"]]
     assert not refined.solved[row, column].any()
-    pd.testing.assert_frame_equal(pd.read_csv(io.StringIO(downloaded.pop())), table)
+    assert [label for label, _ in downloaded] == ["Plane, HTML", "Plane, PNG", "Points, CSV", "Learning curve, CSV",
+                                                  "Data, NPZ"]
+    points, curve, data = (make() for _, make in downloaded[2:])
+    pd.testing.assert_frame_equal(pd.read_csv(io.BytesIO(points)), table)
+    assert len(pd.read_csv(io.BytesIO(curve))) == len(learning_curve.load_learning_curve())
+    assert len(np.load(io.BytesIO(data))["bearing_number"]) == len(refined.bearing_number)
 
 
 def test_a_missed_goal_is_no_success(small):

@@ -278,8 +278,17 @@ def test_the_command_lists_cancels_and_deletes(root, capsys):
 
 
 def test_equal_requests_are_one():
-    for kind, given in (("bifurcation", LINE), ("point", {"rotor_mass": 4, "bearing_number": 3})):
+    for kind, given in (("bifurcation", LINE), ("point", {"rotor_mass": 4, "bearing_number": 3}),
+                        ("intervals", {"model": "tree", "divisor": 8})):
         checked = KINDS[kind].check(given)
         assert KINDS[kind].check(checked) == checked == json.loads(json.dumps(checked))
     assert job_id("bifurcation", LINE | {"range": "4.0:6:3", "at": 3}) == job_id("bifurcation", LINE)
     assert job_id("bifurcation", LINE | {"at": 3.1}) != job_id("bifurcation", LINE)
+
+
+@pytest.mark.parametrize(("wrong", "words"), [
+    ({"model": "oracle"}, "oracle"), ({"divisor": 9}, "divisor = 9 is not allowed"), ({"seed": 1000}, "seed"),
+    ({"made_from": {}}, "another since")])
+def test_wrong_requests_of_intervals_are_refused(root, wrong, words):
+    with pytest.raises(InputError, match=words):
+        submit("intervals", {"model": "tree", "divisor": 8} | wrong)

@@ -8,7 +8,7 @@ import pytest
 
 from spab_core.artifacts import load_reference_map
 from spab_core.design import InputError
-from spab_core.figures import learning_curve_figure
+from spab_core.figures_surrogates import learning_curve_figure
 from spab_core.learning_curve import (
     COLUMNS,
     COMMITTEE,

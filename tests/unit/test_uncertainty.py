@@ -8,11 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from spab_core.classifier import predict_regimes, regimes_by_threshold
-from spab_core.evaluation import evaluate, f1, uncertainty_scores
+from spab_core.design import InputError
+from spab_core.evaluation import comparison_words, evaluate, f1, uncertainty_scores
 from spab_core.features import LinearFeatures, shipped_table
+from spab_core.lyapunov import Exponent
 from spab_core.surrogates import model, predict_map, solved_cells
 from spab_core.theory_models import baseline
-from spab_core.uncertainty import TooFewCells, reliability, uncertain_map
+from spab_core.uncertainty import STEPS, TooFewCells, load_intervals, reliability, save_intervals, uncertain_map
 from tests.unit.test_surrogates import map_of, with_hole
 
 
@@ -134,3 +136,31 @@ def test_blocks_are_harder_for_neighbours():
     random, blocks = (evaluate(m, [model("nearest")], (4,), (0, 1), split=split)["rmse_held_out"].mean()
                       for split in ("random", "blocks"))
     assert blocks > 1.5 * random
+
+
+def test_intervals_are_kept_in_a_file(tmp_path):
+    m, path, steps = with_hole(striped_map()), tmp_path / "intervals.npz", []
+    found = uncertain_map(m, model("tree"), 2, progress=steps.append)
+    assert sum(steps) == STEPS
+    save_intervals(found, path)
+    again = load_intervals(path, m)
+    assert np.allclose(again.low, found.low, equal_nan=True) and np.array_equal(again.regime, found.regime)
+    assert uncertainty_scores(m, again) == pytest.approx(uncertainty_scores(m, found), abs=2e-3)
+    with pytest.raises(InputError, match="does not fit the map"):
+        load_intervals(path, striped_map(rows=41))
+    for data in (b"", path.read_bytes()[:-200], b"PK\x03\x04"):
+        path.write_bytes(data)
+        with pytest.raises(InputError, match="cannot read the intervals"):
+            load_intervals(path, m)
+
+
+def test_a_prediction_beside_the_solved_value_in_words():
+    solved = Exponent(-0.5, 0.001, np.array([-0.5]))
+    assert comparison_words(-0.48, solved, (-0.55, -0.45), False) == (
+        True, "Predicted -0.480, solved live -0.500 ± 0.001 per revolution: 0.020 apart. The solved value lies inside the "
+              "model's 90% interval, -0.550 to -0.450.")
+    inside, words = comparison_words(-0.40, solved, (-0.45, -0.35), True)
+    assert inside is False and "outside" in words and "one cell in ten" in words and words.endswith("trained on this cell.")
+    assert comparison_words(-0.48, solved, None, False)[0] is None
+    for predicted, exponent in ((np.nan, solved), (-0.48, None)):
+        assert comparison_words(predicted, exponent, (-1.0, 0.0), False)[1].startswith("There is nothing to compare")

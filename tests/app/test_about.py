@@ -1,0 +1,79 @@
+"""About the model without a browser: the documents as they stand in docs/, all of them, with their pictures and formulas."""
+
+import json
+import re
+
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from spab_core import artifacts
+from spab_core.artifacts import AUDIT, HOME, ArtifactError, load_audit
+from spab_core.design import InputError
+from spab_core.ui import documents
+from spab_core.ui.documents import read_sections
+from tests.conftest import ROOT
+
+PAGE = str(next((ROOT / "pages").glob("*_About_the_model.py")))
+SHOWN = ("model.md", "numerics.md", "results.md")
+
+
+def test_every_line_of_the_documents_is_on_the_page_once():
+    at = AppTest.from_file(PAGE, default_timeout=30).run()
+    assert not at.exception and not at.error
+    assert [tab.label for tab in at.tabs] == ["Equations and assumptions", "Numerics and validation", "Results",
+                                              "Where it differs from the paper"]
+    shown = "\n".join(block.value for block in at.markdown).splitlines()
+    for name in SHOWN:
+        for line in (HOME / "docs" / name).read_text("utf-8").splitlines():
+            if line.strip("$ ") and not line.startswith(("# ", "![", "## ", "|")):
+                assert shown.count(line) == 1, line
+    pictures = sum((HOME / "docs" / name).read_text("utf-8").count("![") for name in SHOWN)
+    assert len(at.get("image")) == pictures > 5
+    assert not [c.value for c in at.caption if "missing" in c.value]
+
+
+def test_formulas_are_closed():
+    """An odd number of dollar signs would set the rest of a paragraph as a formula."""
+    for name in SHOWN:
+        for heading, body in read_sections(name).items():
+            for paragraph in re.sub(r"`[^`]*`", "", body).split("\n\n"):
+                assert paragraph.count("$") % 2 == 0, (name, heading, paragraph)
+
+
+def test_audit_figure_has_every_cell():
+    at = AppTest.from_file(PAGE, default_timeout=30).run()
+    traces = json.loads(at.get("plotly_chart")[0].proto.spec)["data"]
+    rows = load_audit()
+    assert [t["name"] for t in traces[1:]] == [f"{r} ({(rows['regime'] == r).sum()})" for r in (
+        "periodic", "quasi-periodic", "chaotic")]
+    crosses = sum(symbol == "x" for t in traces[1:] for symbol in t["marker"]["symbol"])
+    assert crosses == int((rows["regime"] != rows["map_regime"]).sum()) > 0
+
+
+def test_missing_documents_are_said_in_words(tmp_path, monkeypatch):
+    with pytest.raises(InputError, match=r"cannot read .*model\.md"):
+        read_sections("model.md", (), tmp_path)
+    (tmp_path / "model.md").write_text("# The model\n\nWords\n\n## Film\n\nMore")
+    assert {k: v.strip() for k, v in read_sections("model.md", (), tmp_path).items()} == {"": "Words", "Film": "More"}
+    with pytest.raises(InputError, match="no section 'Contact'"):
+        read_sections("model.md", ("Film", "Contact"), tmp_path)
+    for text in ("", "a,b\n1,2\n"):
+        (tmp_path / "audit.csv").write_text(text)
+        with pytest.raises(ArtifactError, match="make audit"):
+            load_audit(tmp_path / "audit.csv")
+    monkeypatch.setattr(artifacts.load_audit, "__defaults__", (tmp_path / "none.csv",))
+    at = AppTest.from_file(PAGE, default_timeout=30).run()
+    assert not at.exception and "none.csv" in at.error[0].value and AUDIT.exists()
+
+
+def test_a_missing_picture_is_told(tmp_path):
+    def page(folder):
+        from pathlib import Path
+
+        from spab_core.ui.documents import show_sections
+        show_sections({"Film": "Words\n![The map](pictures/none.png)\nMore"}, Path(folder))
+
+    at = AppTest.from_function(page, args=(str(tmp_path),)).run()
+    assert not at.exception and "pictures/none.png is missing" in at.caption[0].value
+    assert [m.value.strip() for m in at.markdown] == ["#### Film\n\nWords", "More"]
+    assert documents.DOCS == HOME / "docs"
