@@ -12,7 +12,7 @@ from pathlib import Path
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 from tqdm import tqdm
 
-from spab_core import cli_models, cli_refine, cli_surrogates
+from spab_core import cli_margin, cli_models, cli_refine, cli_surrogates
 from spab_core._version import __version__
 from spab_core.bifurcation import SWEEPS, VARY, chaotic_intervals, check_line, compute_bifurcation, save_bifurcation
 from spab_core.design import InputError, check_number, check_output, load_design, reference_design, write_atomically
@@ -104,6 +104,7 @@ def _build_parser() -> argparse.ArgumentParser:
     cli_surrogates.add_commands(commands, _number, _whole)
     cli_refine.add_command(command, run_options, _whole, (_design, _settings, _say_compiling))
     cli_models.add_commands(commands, _whole)
+    cli_margin.add_commands(commands, _number)
     return parser
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import streamlit as st
 
 from spab_core.design import Design, InputError, check_number, reference_design
-from spab_core.figures import LAYERS
+from spab_core.figures_map import LAYERS
 from spab_core.film import DEFAULT_MESH, SCHEMES, parse_mesh
 from spab_core.integrate import METHODS
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE

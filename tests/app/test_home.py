@@ -10,7 +10,7 @@ from streamlit.util import AttributeDictionary
 
 from spab_core import artifacts
 from spab_core.artifacts import load_reference_map
-from spab_core.figures import LAYERS
+from spab_core.figures_map import LAYERS
 from spab_core.stability_map import StabilityMap
 from spab_core.ui import shared
 from tests.conftest import ROOT
