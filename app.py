@@ -65,7 +65,7 @@ def _clicked():
         set_point(float(m.rotor_mass[column]), float(m.bearing_number[row]))
 
 
-if "map" not in state:  # the page is opened, or opened again: the point may have been chosen elsewhere
+if "mark" not in state or "map" not in state:  # the page is opened, or opened again: the point may have been chosen elsewhere
     _mark()
 slowest, fastest = (design.speed_rpm(b) for b in BEARING_NUMBER_RANGE)
 state["rpm"] = min(max(design.speed_rpm(state["bearing_number"]), slowest), fastest)
@@ -84,7 +84,7 @@ with left:
     told = f"Predicted by {MODELS[model].label} from n/{divisor} of the cells. " if layer == SURROGATE else ""
     st.caption(f"{told}Click a cell, or type the point. {m.shape[0]} × {m.shape[1]} cold starts on {m.metadata['mesh']} film "
                "nodes; the linear threshold is that of the static equilibrium without unbalance.")
-    st.caption(f"Where the two disagree. {linear_words()}")
+    st.caption(f"Where map and linear theory disagree. {linear_words()}")
 
 with right:
     st.markdown(f"#### Operating point, {design_words()}")
@@ -119,8 +119,7 @@ with right:
         cells[1].metric("Max. eccentricity", f"{point.max_eccentricity:.3f}", help="Largest of the journal, over the clearance")
         cells[2].metric("Time in contact", f"{100 * point.contact_share:.1f} %",
                         help="Share of the time with a film under a tenth of the clearance")
-    orbit = orbit_figure(point).update_layout(height=275, margin_t=30)
-    st.plotly_chart(orbit, key="orbit", width="stretch")
+    orbit = orbit_figure(point).update_layout(height=265, margin_t=30)
     with st.container(horizontal=True, vertical_alignment="center"):
         page_link("Operating_point", "Operating point: section, spectrum, film")
         b0, b1, m0, m1 = (float(v) for v in (*m.bearing_number[[0, -1]], *m.rotor_mass[[0, -1]]))
@@ -133,6 +132,7 @@ with right:
         take = (layer, number, mass, model, divisor, draw)
         downloads("stability_map", {"Map": lambda: map_figure_to_take(*take), "Orbit": orbit}, {"Map": lambda: map_table(m)},
                   {"npz": lambda: map_bytes(m), "nc": lambda: map_netcdf(m)}, command)
+    st.plotly_chart(orbit, key="orbit", width="stretch")
     t = point.trajectory
     st.caption(f"Solved live: {t.completed} revolutions from rest{', settled on a periodic orbit' if t.settled else ''}, "
                f"{t.wall_seconds:.2f} s on {point.settings.mesh} film nodes, at Λ {number:.4g} and {mass:.4g} kg.")

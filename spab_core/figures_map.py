@@ -122,8 +122,8 @@ def map_figure(m: StabilityMap, layer: str = "MLE", predicted: PredictedMap | No
                 "showgrid": False, "zeroline": False, "range": [rpm * x0, rpm * x1], "tickformat": ",.0f"},
         yaxis={"title": MASS_LABEL, "showgrid": False, "zeroline": False, "range": y_range},
         uirevision="map", clickmode="event+select", dragmode="zoom", margin={"l": 55, "r": 5, "t": 55, "b": 95}, height=590,
-        legend={"orientation": "h", "yref": "container", "y": 0, "yanchor": "bottom", "x": 0, "bgcolor": "#ffffff", "font": {"color": "#000000"},
-                "itemclick": False, "itemdoubleclick": False})
+        legend={"orientation": "h", "yref": "container", "y": 0, "yanchor": "bottom", "x": 0, "bgcolor": "#ffffff",
+                "font": {"color": "#000000"}, "itemclick": False, "itemdoubleclick": False})
     return figure
 
 
