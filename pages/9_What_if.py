@@ -26,9 +26,10 @@ mass = row.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", s
                         help="Of the chosen point, on one bearing")
 rpm = design.speed_rpm(number)
 row.markdown(f"at **{rpm:,.0f} rpm**: the machine keeps its mass and speed when its bearing changes")
-drawing, run_up, two = st.tabs(["Change the drawing", "Run-up", "Two designs"])
+drawing, run_up, two = st.tabs(["Change the drawing", "Run-up", "Two designs"], key="what_tab", on_change="rerun")
 
-with drawing:
+
+def change_the_drawing() -> None:
     row = st.container(horizontal=True, vertical_alignment="bottom")
     axis = row.segmented_control("Margin in", AXES, default=AXES[0], key="what_axis", required=True)
     step = row.number_input("Change of each value, %", 100 * STEPS[0], 100 * STEPS[1], 10.0, 1.0, key="what_step", width=200)
@@ -60,7 +61,7 @@ with drawing:
                 "change": st.column_config.NumberColumn("its change, %", format="%+.1f")})
             downloads("what_if", {"Tornado": figure}, {"Sensitivity": lambda: table})
 
-with run_up:
+def run_the_machine_up() -> None:
     row = st.container(horizontal=True, vertical_alignment="bottom")
     low, high = (design.speed_rpm(limit) for limit in BEARING_NUMBER_RANGE)
     first = row.number_input("From, rpm", low, high, max(0.05 * rpm, low), key="run_from", format="%.0f", width=160)
@@ -86,15 +87,16 @@ with run_up:
                 downloads("run_up", {"Run-up": figure}, {"Regimes": lambda: found}, {"npz": job.result.read_bytes},
                           line_command(line, ["up"], design_option()))
 
-with two:
+def two_designs() -> None:
     row = st.container(horizontal=True, vertical_alignment="bottom")
-    name = row.selectbox("Compare with", list(PRESETS), format_func=lambda k: PRESETS[k].label, key="two_preset", width=260)
+    name = row.selectbox("Compare with", list(PRESETS), index=1, key="two_preset", width=260,
+                         format_func=lambda k: PRESETS[k].label)
     file = row.file_uploader("or a design file (TOML)", "toml", key="two_file", width=420)
     with errors_in_words():
         other = parse_design(file.getvalue().decode("utf-8", "replace")) if file else PRESETS[name].design
-        sides = {design_words(): design, file.name if file else PRESETS[name].label: other}
+        sides = (("This design", design), (f"Other: {file.name if file else PRESETS[name].label}", other))
         records = {}
-        for box, (title, one) in zip(st.columns(2, gap="medium"), sides.items(), strict=False):
+        for box, (title, one) in zip(st.columns(2, gap="medium"), sides, strict=True):
             at = one.bearing_number(design.speed(number))
             with box:
                 st.markdown(f"**{title}** at {rpm:,.0f} rpm, Λ {at:.3f}, {mass:g} kg")
@@ -105,3 +107,9 @@ with two:
                 records[title] = {"MLE per revolution": point.mle.value if point.mle else None,
                                   "largest eccentricity": point.max_eccentricity, **numbers}
         st.dataframe(pd.DataFrame(records).map(lambda value: f"{value:.5g}" if value == value else ""))
+
+
+for tab, content in ((drawing, change_the_drawing), (run_up, run_the_machine_up), (two, two_designs)):
+    if tab.open:
+        with tab:
+            content()

@@ -99,7 +99,7 @@ def jobs_table() -> None:
     picked = st.dataframe(pd.DataFrame(rows), hide_index=True, width="stretch", on_select="rerun", selection_mode="multi-row",
                           key="jobs_table", column_config={
                               "size, kB": st.column_config.NumberColumn(format="%.0f")})
-    st.caption(f"{len(found)} jobs, {total / 1e6:.1f} MB in {found[0].folder.parent}")
+    st.caption(f"{len(found)} job{'s' if len(found) > 1 else ''}, {total / 1e6:.1f} MB in {found[0].folder.parent}")
     chosen = [found[k] for k in picked["selection"]["rows"] if k < len(found)]
     if st.button("Delete the selected jobs", disabled=not chosen, key="jobs_delete"):
         for job in chosen:

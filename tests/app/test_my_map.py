@@ -1,0 +1,114 @@
+"""The pages "My map" and "What if" without a browser: real jobs on small work, wrong values, lists and comparison."""
+
+import json
+import time
+
+import pytest
+import streamlit as st
+from streamlit.testing.v1 import AppTest
+
+from spab_core.jobs import cancel, list_jobs, submit
+from spab_core.presets import PRESETS
+from tests.conftest import ROOT
+
+MAP, WHAT_IF = (str(next((ROOT / "pages").glob(f"*_{name}.py"))) for name in ("My_map", "What_if"))
+SMALL = {"own_numbers": "2:4:6", "own_masses": "3:9:6"}
+QUICK = {"mesh": "2x16", "transient": 40, "revolutions": 30}
+
+
+@pytest.fixture(autouse=True)
+def own_jobs(tmp_path, monkeypatch):
+    monkeypatch.setenv("SPAB_JOBS", str(tmp_path / "jobs"))
+    st.cache_resource.clear()
+    yield
+    for job in list_jobs():
+        if job.active:
+            cancel(job.id)
+
+
+def opened(page, **state):
+    at = AppTest.from_file(page, default_timeout=120)
+    for key, value in state.items():
+        at.session_state[key] = value
+    return at.run()
+
+
+def until_done(at, seconds=150):
+    end = time.monotonic() + seconds
+    while any(job.active for job in list_jobs()):
+        assert time.monotonic() < end
+        time.sleep(0.1)
+    return at.run()
+
+
+def figures(at):
+    return [json.loads(chart.proto.spec) for chart in at.get("plotly_chart")]
+
+
+def words(at):
+    return " ".join(x.value for kind in ("markdown", "caption", "success", "warning", "error", "info") for x in at.get(kind))
+
+
+def test_a_bearing_is_mapped_its_margin_told_and_the_job_listed():
+    at = opened(MAP, **SMALL, own_minutes=5.0, bearing_number=3.0, rotor_mass=6.0)
+    assert not at.exception and "coarse plane comes first" in words(at) and not figures(at)
+    at.button(key="own_map_start").click().run()
+    at = until_done(at)
+    assert not at.exception and not at.error
+    names = {trace.get("name") for trace in figures(at)[0]["data"]}
+    assert "solved (36)" in names and "chosen point" in names
+    assert {m.label: m.value for m in at.metric}["Solved cells"] == "36"
+    assert "the nearest unstable point is" in words(at) and "kg above the quasi-periodic band" in words(at)
+    for layer in ("MLE", "Probability unstable"):
+        at.button_group(key="own_layer").set_value(layer).run()
+        assert not at.exception and figures(at)[0]["data"][0]["type"] == "heatmap"
+    at.number_input(key="rotor_mass").set_value(20.0).run()
+    assert "outside this map" in words(at)
+    (job,) = list_jobs()
+    assert job.state == "done" and "1 job," in words(at)
+
+
+def test_two_maps_are_compared():
+    submit("map", {"bearing_number": "2:4:4", "rotor_mass": "3:9:5", "seconds": 300.0, "settings": QUICK})
+    at = opened(MAP, own_numbers="2:3:4", own_masses="3:9:5")
+    at.button(key="own_map_start").click().run()  # with the page's own settings: another job
+    at = until_done(at)
+    assert not at.exception and len(figures(at)) == 3 and len(at.selectbox(key="own_other").options) == 1
+
+
+@pytest.mark.parametrize(("key", "value", "told"), [
+    ("own_numbers", "1:2", "start:stop:count"), ("own_numbers", "0:2:10", "bearing number = 0 is out of range"),
+    ("own_masses", "1:2:100000", "out of range"), ("own_masses", "x", "start:stop:count")])
+def test_a_wrong_plane_is_a_sentence(key, value, told):
+    at = opened(MAP, **SMALL | {key: value})
+    assert not at.exception and told in at.error[0].value
+
+
+def test_sensitivity_of_the_margin():
+    at = opened(WHAT_IF, bearing_number=3.0, rotor_mass=8.0)
+    assert not at.exception and not figures(at)
+    at.number_input(key="what_scan").set_value(4).run()
+    at.button(key="what_job_start").click().run()
+    at = until_done(at)
+    assert not at.exception and not at.error or "Unstable at" in at.error[0].value
+    (figure,) = figures(at)
+    assert {t["type"] for t in figure["data"]} == {"bar"} and len(figure["data"][0]["y"]) == 4
+    assert len(at.dataframe[0].value) == 8 and "rpm" in words(at)
+
+
+def test_a_run_up_lists_what_it_crosses():
+    at = opened(WHAT_IF, bearing_number=3.0, rotor_mass=8.0, what_tab="Run-up", run_count=10)
+    at.button(key="run_job_start").click().run()
+    at = until_done(at)
+    assert not at.exception and not at.error
+    table = at.dataframe[0].value
+    assert table["points"].sum() == 10 and set(table["regime"]) <= {"periodic", "quasi-periodic", "chaotic", "failed"}
+
+
+def test_two_designs_side_by_side():
+    at = opened(WHAT_IF, what_tab="Two designs")
+    for name in PRESETS:
+        at.selectbox(key="two_preset").set_value(name).run()
+        assert not at.exception and len(figures(at)) == 2
+    table = at.dataframe[0].value
+    assert list(table.columns) == ["This design", f"Other: {PRESETS[name].label}"] and "MLE per revolution" in table.index
