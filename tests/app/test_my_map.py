@@ -90,7 +90,7 @@ def test_sensitivity_of_the_margin():
     at.number_input(key="what_scan").set_value(4).run()
     at.button(key="what_job_start").click().run()
     at = until_done(at)
-    assert not at.exception and not at.error or "Unstable at" in at.error[0].value
+    assert (not at.exception and not at.error) or "Unstable at" in at.error[0].value
     (figure,) = figures(at)
     assert {t["type"] for t in figure["data"]} == {"bar"} and len(figure["data"][0]["y"]) == 4
     assert len(at.dataframe[0].value) == 8 and "rpm" in words(at)
