@@ -73,7 +73,8 @@ with errors_in_words():
     job = done_with_more("bifurcation", parameters)
     points = int(count) * len(sweeps)
     seconds = points * expected_seconds(settings, number if over_mass else start) / workers_for(points)
-job = job or job_panel("bifurcation", parameters, f"Compute {points:,} points (up to {duration(max(seconds, 1.0))})", "line_job")
+    label = f"Compute {points:,} points (up to {duration(max(seconds, 1.0))})"
+job = job or job_panel("bifurcation", parameters, label, "line_job")
 title = (f"Over rotor mass at Λ = {at:.4g} ({chosen_design().speed_rpm(at):,.0f} rpm)" if over_mass
          else f"Over bearing number at {at:.4g} kg")
 with errors_in_words():
