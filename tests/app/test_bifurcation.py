@@ -173,6 +173,18 @@ def test_cancelled_is_shown_as_cancelled_and_goes_on():
     assert [job.active for job in list_jobs()] == [True] and not at.warning
 
 
+def test_a_damaged_job_can_be_started_again():
+    at = opened(**TINY)
+    at.button(key="line_job_start").click().run()
+    at.button(key="line_job_cancel").click().run()
+    (job,) = list_jobs()
+    (job.folder / "job.json").write_text("{")
+    at.run()
+    assert not at.exception and "damaged" in at.error[0].value and at.button(key="line_job_start").label == "Try again"
+    at.button(key="line_job_start").click().run()
+    assert not at.exception and not at.error and len(figures(until_done(at))) == 1
+
+
 def test_a_damaged_result_and_missing_files_are_sentences(tmp_path, monkeypatch):
     at = opened(**TINY)
     at.button(key="line_job_start").click().run()
