@@ -4,11 +4,13 @@ import streamlit as st
 
 from spab_core.artifacts import ARTIFACTS, BIFURCATIONS
 from spab_core.bifurcation import SWEEPS, line_of_map
+from spab_core.cost import expected_seconds
 from spab_core.figures_lines import COORDINATES
-from spab_core.integrate import METHODS
-from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, Settings
+from spab_core.job_kinds import workers_for
+from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.lines import done_with_more, line_command, line_of_job, line_view, shipped_line
+from spab_core.ui.point import chosen_settings, duration, solver_controls
 from spab_core.ui.shared import errors_in_words, page_head, reference_map
 from spab_core.ui.view import LINES, VIEW, chosen_design, design_option, design_words, is_reference
 
@@ -60,20 +62,19 @@ mass = row.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", s
 start = row.number_input(f"From, {unit}", *limits, key=f"{along}_from", step=0.1, format="%.3f", width=160)
 stop = row.number_input(f"To, {unit}", *limits, key=f"{along}_to", step=0.1, format="%.3f", width=160)
 count = row.number_input("Points", 2, 2000, key="points", step=10, width=160)
-with row.popover("Solver"):
-    st.selectbox("Time integrator", METHODS, key="method", help="dtm: the paper's differential transformation, slower")
-    st.text_input("Film mesh, latitudes x azimuths", key="mesh", max_chars=20)
-    st.number_input("Revolutions before the measurement", 0, 5000, key="transient", step=50)
-    st.number_input("Revolutions measured", 20, 5000, key="revolutions", step=50)
+with row.popover("Solver", icon=":material/memory:"):
+    solver_controls(cost=False)
 
 at, value = (number, mass) if over_mass else (mass, number)
 with errors_in_words():
-    settings = Settings(mesh=state["mesh"], method=state["method"], scheme=state["scheme"], transient=int(state["transient"]),
-                        revolutions=int(state["revolutions"]))
+    settings = chosen_settings()
     parameters = {"design": chosen_design().to_dict(), "vary": kind, "at": at, "range": f"{start!r}:{stop!r}:{int(count)}",
                   "sweeps": sweeps, "settings": settings.to_dict()}
     job = done_with_more("bifurcation", parameters)
-job = job or job_panel("bifurcation", parameters, f"Compute {int(count) * len(sweeps):,} points", "line_job")
+    points = int(count) * len(sweeps)
+    seconds = points * expected_seconds(settings, number if over_mass else start) / workers_for(points)
+    label = f"Compute {points:,} points (up to {duration(max(seconds, 1.0))})"
+job = job or job_panel("bifurcation", parameters, label, "line_job")
 title = (f"Over rotor mass at Λ = {at:.4g} ({chosen_design().speed_rpm(at):,.0f} rpm)" if over_mass
          else f"Over bearing number at {at:.4g} kg")
 with errors_in_words():

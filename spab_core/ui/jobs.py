@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import streamlit as st
 
-from spab_core.jobs import Job, cancel, find, job_id, submit
+from spab_core.jobs import Job, JobError, cancel, find, job_id, submit
 from spab_core.ui.shared import errors_in_words
 
 _EVERY = 0.7  # seconds between two looks at a job
@@ -32,10 +32,14 @@ def job_panel(kind: str, parameters: dict, label: str, key: str, *, auto: bool =
     Job or None
         None until it is done.
     """
+    damage = ""
     with errors_in_words():
         name = job_id(kind, parameters)
-        job = find(name)
-        if job is None and auto:
+        try:
+            job = find(name)
+        except JobError as error:
+            job, damage = None, str(error)
+        if job is None and auto and not damage:
             job = submit(kind, parameters, files)
     if job is not None and job.active:
         st.fragment(_watch, run_every=_EVERY)(name, key)
@@ -43,15 +47,15 @@ def job_panel(kind: str, parameters: dict, label: str, key: str, *, auto: bool =
     if job is not None and job.state == "done":
         return job
     place = st.container()
-    if job is not None:
+    if job is not None or damage:
         words, place = _row()
-        if job.state == "cancelled":
+        if job is not None and job.state == "cancelled":
             words.warning(f"Cancelled{_count(job)}. What is solved is kept.")
             label = "Go on"
         else:
-            words.error(f"Failed: {job.message}.".replace("..", "."))
+            words.error(f"Failed: {job.message if job is not None else damage}.".replace("..", "."))
             label = "Try again"
-    if place.button(label, key=f"{key}_start", type="primary", width="content" if job is None else "stretch"):
+    if place.button(label, key=f"{key}_start", type="primary", width="stretch" if job is not None or damage else "content"):
         with errors_in_words():
             submit(kind, parameters, files)
         st.rerun()

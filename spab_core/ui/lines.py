@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from functools import partial
 from itertools import combinations
@@ -12,7 +13,7 @@ import streamlit as st
 from spab_core.artifacts import ARTIFACTS, load_reference_bifurcation
 from spab_core.bifurcation import SWEEPS, Bifurcation, interval_table, line_table, load_bifurcation
 from spab_core.figures_lines import bifurcation_figure
-from spab_core.jobs import Job, find, job_id
+from spab_core.jobs import Job, JobError, find, job_id
 from spab_core.ui.downloads import downloads
 
 _LABELS = {"rotor-mass": "kg", "bearing-number": "Λ"}
@@ -39,9 +40,12 @@ def done_with_more(kind: str, parameters: dict) -> Job | None:
     wanted = set(parameters["sweeps"])
     for count in range(len(wanted) + 1, len(SWEEPS) + 1):
         for sweeps in combinations(SWEEPS, count):
-            job = find(job_id(kind, parameters | {"sweeps": list(sweeps)})) if wanted < set(sweeps) else None
-            if job and job.state == "done":
-                return job
+            if wanted < set(sweeps):
+                name = job_id(kind, parameters | {"sweeps": list(sweeps)})
+                with contextlib.suppress(JobError):  # a damaged one serves nobody
+                    job = find(name)
+                    if job and job.state == "done":
+                        return job
     return None
 
 

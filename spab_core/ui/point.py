@@ -222,8 +222,8 @@ def _rigid_changed() -> None:
     set_design(chosen_design().replace(rotor__shaft_stiffness=stiffness))
 
 
-def solver_controls() -> None:
-    """Method, mesh, scheme and length, with a sentence on what they cost."""
+def solver_controls(cost: bool = True) -> None:
+    """Method, mesh, scheme and length; with ``cost`` a sentence on what they cost at the chosen point."""
     state = st.session_state
     st.segmented_control("Method", METHODS, key="method", help="rodas: implicit, order 4, long steps. dtm: the paper's "
                          "differential transformation, explicit, its steps limited by stability", required=True)
@@ -235,6 +235,8 @@ def solver_controls() -> None:
     one, two = st.columns(2)
     one.number_input("Transient, revolutions", 0, 5000, key="transient", step=50)
     two.number_input("Measured, revolutions", 20, 5000, key="revolutions", step=50)
+    if not cost:
+        return
     seconds = expected_seconds(chosen_settings(), float(state["bearing_number"]))
     where = "it is solved while you wait" if seconds <= LIVE_SECONDS else "it runs in the background, with progress and cancel"
     st.caption(f"At most about {duration(seconds)} on this mesh: {where}. The cost grows with revolutions and azimuths; more "

@@ -100,7 +100,7 @@ def test_one_runs_the_others_wait_and_a_cancel_stops_all_its_processes(root):
     assert len(group(pids[0])) > 1  # its own processes
     assert cancel(other.id).state == "cancelled"
     stopped = cancel(job.id)
-    assert stopped.state == "cancelled" and stopped.finished and 0 < stopped.done < stopped.total == 400
+    assert stopped.state == "cancelled" and stopped.finished and 0 < stopped.done < stopped.total == 300
     end = time.monotonic() + 30
     while any(group(pid) for pid in pids):
         assert time.monotonic() < end
@@ -186,18 +186,21 @@ def test_a_point_comes_back_whole(root, design, tmp_path):
             load_point(tmp_path / name)
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"kind": "bifurcation"}', "[" * 100_000])
-def test_a_damaged_state_is_a_sentence_and_can_be_started_again_or_deleted(root, text):
+def test_a_damaged_state_is_a_sentence_and_can_be_started_again_or_deleted(root):
     job = submit("bifurcation", LINE)
     cancel(job.id)
     jobs._workers.pop(job.id).wait(60)
-    (job.folder / "job.json").write_text(text)
-    with pytest.raises(InputError, match="damaged"):
-        find(job.id)
-    with pytest.raises(InputError, match="damaged"):
-        cancel(job.id)
-    (listed,) = list_jobs()
-    assert listed.state == "failed" and listed.kind == "bifurcation" and "damaged" in listed.message
+    for text in ("", "{", "[]", "null", '{"kind": "bifurcation"}', "[" * 100_000):
+        (job.folder / "job.json").write_text(text)
+        with pytest.raises(InputError, match="damaged"):
+            find(job.id)
+        with pytest.raises(InputError, match="damaged"):
+            cancel(job.id)
+        (listed,) = list_jobs()
+        assert listed.state == "failed" and listed.kind == "bifurcation" and "damaged" in listed.message
+    assert submit("bifurcation", LINE).active
+    cancel(job.id)
+    (job.folder / "job.json").write_text("")
     delete(job.id)
     assert list_jobs() == []
 
@@ -272,7 +275,7 @@ def test_the_command_lists_cancels_and_deletes(root, capsys):
     assert said("delete", job.id, code=2).startswith("spab jobs: ") and find(job.id)
     assert json.loads(said("list", "--json"))["jobs"][0]["state"] == "running"
     assert json.loads(said("cancel", job.id, "--json"))["state"] == "cancelled"
-    assert "cancelled" in said("list") and "of 400" in said("list")
+    assert "cancelled" in said("list") and "of 300" in said("list")
     assert said("delete", job.id) == f"{job.id}: deleted\n" and not list_jobs()
     assert "no job's id" in said("cancel", "../x", code=2) and "there is no job" in said("delete", job.id, code=2)
 
