@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from spab_core.coefficients import (
+    LEAST_STABLE,
     NAMES,
     coefficients,
     coefficients_over_speed,
@@ -151,7 +152,7 @@ def test_coefficients_at_the_whirl_frequency_balance_the_rotor_there():
     """Undamped at the threshold, the rotor feels K(nu) and C(nu) alone: in N, kg and s, its determinant is zero."""
     d, number = preset("fed_spindle").design, 8.5
     threshold = whirl_thresholds(d, number, MESH, masses=(4.0, 20.0), scan=3)[0]
-    found = coefficients_over_speed(d, threshold.critical_mass, [number], "whirl", MESH)
+    found = coefficients_over_speed(d, threshold.critical_mass, [number], LEAST_STABLE, MESH)
     w, shaft, share = found.whirl_frequency[0], d.rotor.shaft_stiffness, d.rotor.journal_mass_fraction
     disc = -(1.0 - share) * threshold.critical_mass * w**2
     rotor = -share * threshold.critical_mass * w**2 + disc * shaft / (disc + shaft)
