@@ -13,7 +13,7 @@ from spab_core.derived import Derived, derive
 from spab_core.design import Design
 from spab_core.simulate import BEARING_NUMBER_RANGE
 
-WHIRL_RATIOS = np.linspace(0.0, 2.0, 61)
+WHIRL_RATIOS = np.linspace(0.0, 2.0, 41)
 SPEEDS = np.linspace(0.25, 1.5, 26)  # over the speed of the operating point
 
 

@@ -177,7 +177,7 @@ def design_form() -> None:
         st.download_button("Save this design as TOML", design_toml(design), "my.toml", "application/toml", key="my_save",
                            on_click="ignore", icon=":material/download:", width="stretch")
     if state["my_error"]:
-        st.error(f"{state['my_error']}. The design stays as it was.")
+        st.error(f"{state['my_error'][0].upper()}{state['my_error'][1:]}. The design stays as it was.")
     a, b, c = st.columns(3)
     a.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%g",
                    help="Whole rotor mass that one bearing carries")

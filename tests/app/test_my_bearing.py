@@ -115,7 +115,7 @@ def test_unbalance_as_a_balance_grade(page):
     assert design_of(page).rotor.unbalance_eccentricity == eccentricity_of_grade(2.5, 20000.0, 0.2)
     assert page.number_input(key="my_grade").value == 2.5 and page.number_input(key="my_grade_rpm").value == 20000.0
     run(page.number_input(key="my_grade").set_value(-1.0))
-    assert "balance quality grade G = -1 mm/s is out of range" in page.error[0].value
+    assert "Balance quality grade G = -1 mm/s is out of range" in page.error[0].value
     assert design_of(page).rotor.unbalance_eccentricity == eccentricity_of_grade(2.5, 20000.0, 0.2)
 
 
@@ -126,7 +126,7 @@ def test_speed_in_rpm_or_as_bearing_number(page):
     run(page.number_input(key="bearing_number").set_value(2.0))
     assert page.number_input(key="my_rpm").value == pytest.approx(reference_design().speed_rpm(2.0), rel=1e-5)
     run(page.number_input(key="my_rpm").set_value(1e9))
-    assert "speed = 1e+09 rpm is out of range" in page.error[0].value and page.query_params["bearing_number"] == "2"
+    assert "Speed = 1e+09 rpm is out of range" in page.error[0].value and page.query_params["bearing_number"] == "2"
 
 
 def test_a_design_out_of_the_address(page):
