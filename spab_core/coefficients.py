@@ -123,6 +123,7 @@ class Coefficients:
         return (self.stiffness if k < 4 else self.damping)[:, (k // 2) % 2, k % 2]
 
 
+@one_thread
 def impedance(design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = DEFAULT_MESH,
               guess: np.ndarray | None = None) -> Impedance | None:
     """Linearise the bearing about its static equilibrium.
