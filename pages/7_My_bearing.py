@@ -81,8 +81,8 @@ with right:
             with st.spinner("Linearising at 26 speeds …"), errors_in_words():
                 figure = coefficient_figure(over_speed(design, mass, number, LEAST_STABLE), "speed", found.speed_rpm)
         st.plotly_chart(figure, key="coefficients", width="stretch")
-        st.caption("Dotted: " + ("the rotor's least stable whirl. 1: synchronous." if against == "whirl frequency" else
-                                 "this speed. Each at the rotor's least stable whirl, whose limit of stability they give."))
+        st.caption("Dotted, if in range: the rotor's least stable whirl. 1: synchronous." if against == "whirl frequency"
+                   else "Dotted: this speed. Each at the rotor's least stable whirl: these give the right limit of stability.")
         st.dataframe(rows(found), column_config={
             "_index": st.column_config.Column("N/m, N s/m", width=98),
             **{name: st.column_config.NumberColumn(name, format="%.2e", width=66) for name in NAMES}})

@@ -22,7 +22,7 @@ def coefficient_figure(found: Coefficients, axis: str, mark: float | None = None
     axis : str
         ``frequency``: against whirl frequency over shaft speed; ``speed``: against shaft speed in rpm.
     mark : float, optional
-        Value on that axis where a line is drawn: the rotor's own whirl, or its speed.
+        Value on that axis where a line is drawn, if it is in range: the rotor's own whirl, or its speed.
     """
     x = found.whirl_ratio if axis == "frequency" else found.speed * 30.0 / math.pi
     figure = make_subplots(1, 2, subplot_titles=("Stiffness k, N/m", "Damping c, N s/m"), horizontal_spacing=0.12)
@@ -32,7 +32,7 @@ def coefficient_figure(found: Coefficients, axis: str, mark: float | None = None
         figure.add_scatter(x=x, y=found.column(name), mode="lines", name=name[1:], legendgroup=name[1:], showlegend=first,
                            line={"color": colour, "dash": dash, "width": 2}, row=1, col=1 if first else 2,
                            hovertemplate=f"{name} %{{y:.4s}}<extra></extra>")
-    if mark is not None:
+    if mark is not None and x.min() <= mark <= x.max():
         figure.add_vline(x=mark, line={"color": NEUTRAL, "dash": "dot", "width": 1})
     figure.update_xaxes(title="whirl / shaft speed" if axis == "frequency" else "shaft speed, rpm")
     figure.update_yaxes(exponentformat="SI")
