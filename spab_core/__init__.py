@@ -3,6 +3,7 @@
 Module          What it answers
 --------------  ------------------------------------------------------------------------------------------------
 design          What is drawn: bearing, gas, rotor, contact in SI units; TOML files; dimensionless groups
+presets         Designs to start from
 film            The film mesh and the discretised Reynolds equation, readable
 rotor           Disc, journal, shaft and contact, readable
 _kernel_cache   Where compiled kernels are kept, one folder for each state of the sources
@@ -16,6 +17,9 @@ lyapunov        Growth of the tangent -> Exponent
 regimes         Section and exponent -> Regime
 point           The three together at one operating point -> OperatingPoint
 stability       Static equilibrium, stiffness, linear whirl threshold
+coefficients    The bearing's eight linearised coefficients, against whirl frequency and speed; as a table, as ROSS reads it
+form            The design in the units of a drawing; balance grades; the bearing number from rpm
+derived         What a design means at an operating point: equilibrium, gas flow, stiffness, damping, whirl
 stability_map   A plane of operating points -> StabilityMap; save, load, check
 map_engine      Computes maps: chunks, resume, processes or a Dask cluster
 bifurcation     A line of operating points, swept cold, up and down -> Bifurcation
@@ -39,7 +43,7 @@ release         Everything shipped that is computed from the map: rebuilt to the
 point_file      A solved operating point as a file
 job_kinds       What a background job can be
 jobs            Long work in a worker process, its state on disk: queued, running, cancelled, failed, done
-figures         Plotly figures from results; of lines in figures_lines
+figures         Plotly figures from results; of lines in figures_lines, of coefficients in figures_bearing
 figures_surrogates  Those of surrogates, of refining and of the map's audit
 ui              The only part that knows Streamlit
 report          Design, points, figures, versions and command lines in one HTML file or PDF

@@ -7,7 +7,14 @@ import math
 import numpy as np
 
 from spab_core.coefficient_table import FORMATS, check_table_output, coefficient_table, save_table
-from spab_core.coefficients import NAMES, Coefficients, coefficients, coefficients_over_speed, impedance
+from spab_core.coefficients import (
+    LEAST_STABLE,
+    NAMES,
+    Coefficients,
+    coefficients,
+    coefficients_over_speed,
+    impedance,
+)
 from spab_core.derived import Derived, derive
 from spab_core.design import Design, InputError, check_output, load_design, reference_design, save_design
 from spab_core.film import DEFAULT_MESH, parse_mesh
@@ -17,7 +24,6 @@ from spab_core.simulate import check_point
 from spab_core.stability_map import axis
 
 MAX_ROWS = 1000
-LEAST_STABLE = "least-stable"
 
 
 def add_commands(commands, number) -> None:
@@ -163,7 +169,7 @@ def _solve(design, rotor_mass, speeds, whirl, mesh) -> Coefficients:
     if isinstance(speeds, np.ndarray):
         if isinstance(whirl, np.ndarray):
             raise InputError("a table is against shaft speed or against whirl frequency: give a range to one of them alone")
-        return coefficients_over_speed(design, rotor_mass, speeds, "whirl" if whirl == LEAST_STABLE else whirl, mesh)
+        return coefficients_over_speed(design, rotor_mass, speeds, whirl, mesh)
     if not isinstance(whirl, np.ndarray):
         raise InputError("a table needs a range: give START:STOP:COUNT to --rpm, --bearing-number or --whirl")
     z = impedance(design, rotor_mass, speeds, mesh)

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from spab_core.design import Design, InputError, check_number
 from spab_core.film import DEFAULT_MESH, Mesh, build_film, film_index, film_size
@@ -24,8 +25,12 @@ from spab_core.rotor import build_rotor
 from spab_core.stability import Equilibrium, linear_spectrum, slope_and_jacobian, static_equilibrium
 
 WHIRL_RANGE = (0.0, 1000.0)  # whirl frequency over the shaft speed
+LEAST_STABLE = "least-stable"  # in place of a whirl ratio: that of the rotor itself
 SLOWEST_WHIRL = 1e-6  # likewise; below it nothing oscillates
 NAMES = tuple(f"{kind}{i}{j}" for kind in "kc" for i in "xy" for j in "xy")  # the order of ROSS and of tables here
+
+
+one_thread = threadpool_limits.wrap(limits=1, user_api="blas")  # matrices of 200 rows: more threads only wait for each other
 
 
 @dataclass(frozen=True)
@@ -118,6 +123,7 @@ class Coefficients:
         return (self.stiffness if k < 4 else self.damping)[:, (k // 2) % 2, k % 2]
 
 
+@one_thread
 def impedance(design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = DEFAULT_MESH,
               guess: np.ndarray | None = None) -> Impedance | None:
     """Linearise the bearing about its static equilibrium.
@@ -153,6 +159,7 @@ def impedance(design: Design, rotor_mass: float, bearing_number: float, mesh: Me
                      wall_damping=force[:, m + 2:])
 
 
+@one_thread
 def coefficients(at: Impedance, whirl_ratios: Sequence[float] | np.ndarray) -> Coefficients:
     """Stiffness and damping at whirl frequencies, given over the shaft speed; 0 is the static limit of both.
 
@@ -168,6 +175,7 @@ def coefficients(at: Impedance, whirl_ratios: Sequence[float] | np.ndarray) -> C
     return Coefficients(np.full(len(ratios), speed), ratios, z.real * unit, damping.reshape(-1, 2, 2) * unit / speed)
 
 
+@one_thread
 def coefficients_over_speed(design: Design, rotor_mass: float, bearing_numbers: Sequence[float] | np.ndarray,
                             whirl: float | str = 1.0, mesh: Mesh = DEFAULT_MESH) -> Coefficients:
     """Stiffness and damping against shaft speed, rotor mass held.
@@ -179,9 +187,9 @@ def coefficients_over_speed(design: Design, rotor_mass: float, bearing_numbers: 
         kg on one bearing.
     bearing_numbers : sequence of float
     whirl : float or str
-        Whirl ratio of every row (1: synchronous), or ``whirl``: at each speed that of :func:`least_stable_whirl`, and 1 where
-        nothing oscillates. Those rows give the right limit of stability: a whirl that neither grows nor decays feels the
-        coefficients at its own frequency and no others.
+        Whirl ratio of every row (1: synchronous), or :data:`LEAST_STABLE`: at each speed that of
+        :func:`least_stable_whirl`, and 1 where nothing oscillates. Those rows give the right limit of stability: a whirl that
+        neither grows nor decays feels the coefficients at its own frequency and no others.
     mesh : Mesh
 
     Raises
@@ -189,7 +197,7 @@ def coefficients_over_speed(design: Design, rotor_mass: float, bearing_numbers: 
     InputError
         For a whirl that is neither, or where no speed has a static equilibrium.
     """
-    if whirl != "whirl":
+    if whirl != LEAST_STABLE:
         check_number("whirl ratio", whirl, *WHIRL_RANGE)
     parts, missing, guess = [], [], None
     for number in bearing_numbers:
@@ -198,7 +206,7 @@ def coefficients_over_speed(design: Design, rotor_mass: float, bearing_numbers: 
             missing.append(design.speed(float(number)))
             continue
         guess = z.equilibrium.state
-        root = least_stable_whirl(z) if whirl == "whirl" else complex(0.0, float(whirl))
+        root = least_stable_whirl(z) if whirl == LEAST_STABLE else complex(0.0, float(whirl))
         parts.append(coefficients(z, [1.0 if root is None else root.imag]))
     if not parts:
         raise InputError("at none of these speeds does the film carry the load: there is no static equilibrium to linearise")

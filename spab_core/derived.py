@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spab_core.coefficients import Coefficients, coefficients, impedance, least_stable_whirl
+from spab_core.coefficients import Coefficients, coefficients, impedance, least_stable_whirl, one_thread
 from spab_core.design import Design
 from spab_core.film import DEFAULT_MESH, Film, Mesh, build_film, film_array, film_fluxes
 from spab_core.form import grade_of_eccentricity
@@ -161,6 +161,7 @@ def gas_flow(design: Design, bearing_number: float, film: Film, s: np.ndarray, x
     return GasFlow(wall, edges, wall * pressure / (AIR_CONSTANT * TEMPERATURE), 6e4 * normal)
 
 
+@one_thread
 def derive(design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = DEFAULT_MESH) -> Derived:
     """Everything derived at an operating point.
 

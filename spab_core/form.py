@@ -78,7 +78,7 @@ GROUPS = {"Bearing": Bearing, "Gas": Gas, "Rotor": Rotor, "Contact": Contact}
 _SHOWN = {  # name: label, symbol, form unit, power of ten of one form unit in SI
     "bearing__radius": ("Sphere radius", "R", "mm", -3),
     "bearing__clearance": ("Radial clearance", "C", "µm", -6),
-    "bearing__edge_latitude": ("Edge latitude", "λₑ", "°", 0),
+    "bearing__edge_latitude": ("Edge latitude", "λ_e", "°", 0),
     "bearing__permeability": ("Wall permeability", "κ", "10⁻¹⁵ m²", -15),
     "bearing__wall_thickness": ("Wall thickness", "H_p", "mm", -3),
     "bearing__supply_pressure_ratio": ("Supply pressure, absolute", "p_s", "bar", 5),

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from spab_core.coefficient_table import coefficient_table, save_table
-from spab_core.coefficients import coefficients_over_speed
+from spab_core.coefficients import LEAST_STABLE, coefficients_over_speed
 from spab_core.film import Mesh
 from spab_core.presets import preset
 from spab_core.stability import whirl_thresholds
@@ -64,7 +64,7 @@ def test_the_limit_of_stability_in_ross_is_ours(name, python_with_ross, tmp_path
     threshold = whirl_thresholds(design, number, MESH, masses=(4.0, 20.0), scan=3)[0]
     mass, speed = threshold.critical_mass, design.speed(number)
     numbers = number * np.linspace(0.85, 1.15, 7)
-    found = coefficients_over_speed(design, mass, numbers, "whirl", MESH)
+    found = coefficients_over_speed(design, mass, numbers, LEAST_STABLE, MESH)
     path = tmp_path / "bearing.xlsx"
     save_table(coefficient_table(found), str(path))
     speeds = np.linspace(found.speed[0], found.speed[-1], 31)

@@ -1,0 +1,195 @@
+"""The design as a form on a page; what is typed becomes the design that the user works on (:mod:`spab_core.ui.view`)."""
+
+from __future__ import annotations
+
+import math
+
+import streamlit as st
+
+from spab_core.design import Design, InputError, design_toml, reference_design
+from spab_core.form import (
+    FIELDS,
+    GRADE_RANGE,
+    GROUPS,
+    FormField,
+    bearing_number_of,
+    eccentricity_of_grade,
+    from_form,
+    grade_of_eccentricity,
+    read_design_bytes,
+    to_form,
+)
+from spab_core.presets import PRESETS
+from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.ui.view import chosen_design, set_design, set_point
+
+_USUAL = to_form(reference_design())
+_STIFFNESS, _UNBALANCE = "rotor__shaft_stiffness", "rotor__unbalance_eccentricity"
+UNBALANCE_AS = ("eccentricity", "grade G")
+
+
+def _key(name: str) -> str:
+    return f"my_{name}"
+
+
+def _digits(value: float) -> float:
+    """As it is shown: six digits, which survive the way to the bearing number and back."""
+    return float(f"{value:.6g}")
+
+
+def _fill(design: Design) -> None:
+    """Put a design into the widgets."""
+    state = st.session_state
+    for name, value in to_form(design).items():
+        state[_key(name)] = value if math.isfinite(value) else _USUAL[name]
+    state["my_rigid"] = design.rigid
+    state["my_filled"], state["my_error"] = design, None
+
+
+def _fill_speed() -> None:
+    """Speed and balance grade follow from design and point."""
+    state, design = st.session_state, chosen_design()
+    rpm = design.speed_rpm(state["bearing_number"])
+    if state.get("my_speed_of") != (design, state["bearing_number"]) or "my_rpm" not in state:
+        state["my_rpm"], state["my_speed_of"] = _digits(rpm), (design, state["bearing_number"])
+    if state.get("my_grade_of") != design or "my_grade" not in state or "my_grade_rpm" not in state:
+        if state.get("my_grade_rpm") is None:
+            state["my_grade_rpm"] = _digits(rpm)
+        rotor = design.rotor
+        state["my_grade"] = _digits(grade_of_eccentricity(rotor.unbalance_eccentricity, state["my_grade_rpm"],
+                                                          rotor.journal_mass_fraction))
+        state["my_grade_of"] = design
+
+
+def _take(design: Design, rotor_mass: float, speed_rpm: float) -> None:
+    """Make it the design that the user works on; the machine keeps mass and speed."""
+    set_design(design)
+    number = design.bearing_number(speed_rpm * math.pi / 30.0)
+    set_point(rotor_mass, min(max(number, BEARING_NUMBER_RANGE[0]), BEARING_NUMBER_RANGE[1]))
+    st.session_state["my_error"] = None
+
+
+def _typed() -> None:
+    """Something in the form changed."""
+    state, base = st.session_state, chosen_design()
+    values = {name: state[_key(name)] for name in FIELDS}
+    if state["my_rigid"]:
+        values[_STIFFNESS] = math.inf
+    try:
+        for name, value in values.items():
+            if value is None:
+                raise InputError(f"{FIELDS[name].label} {FIELDS[name].symbol} is empty: type a number")
+        design = from_form(values, base)
+    except InputError as error:
+        state["my_error"] = str(error)
+        return
+    _take(design, state["rotor_mass"], base.speed_rpm(state["bearing_number"]))
+    state["my_filled"] = design  # what is typed stays as it was typed
+
+
+def _grade_typed() -> None:
+    state, base = st.session_state, chosen_design()
+    try:
+        if state["my_grade"] is None or state["my_grade_rpm"] is None:
+            raise InputError("the balance grade needs two numbers: G, and the speed it is stated for")
+        design = base.replace(rotor__unbalance_eccentricity=eccentricity_of_grade(
+            state["my_grade"], state["my_grade_rpm"], base.rotor.journal_mass_fraction))
+    except InputError as error:
+        state["my_error"] = str(error)
+        return
+    _take(design, state["rotor_mass"], base.speed_rpm(state["bearing_number"]))
+    state["my_grade_of"] = design
+
+
+def _speed_typed() -> None:
+    state = st.session_state
+    try:
+        if state["my_rpm"] is None:
+            raise InputError("the speed is empty: type a number")
+        number = bearing_number_of(chosen_design(), None, state["my_rpm"])
+    except InputError as error:
+        state["my_error"] = str(error)
+        return
+    set_point(state["rotor_mass"], number)
+    state["my_speed_of"], state["my_error"] = (chosen_design(), state["bearing_number"]), None
+
+
+def _preset_chosen() -> None:
+    chosen = PRESETS.get(st.session_state["my_preset"])
+    if chosen is not None:
+        _take(chosen.design, chosen.rotor_mass, chosen.speed_rpm)
+
+
+def _uploaded() -> None:
+    state = st.session_state
+    if state["my_file"] is None:
+        return
+    try:
+        design = read_design_bytes(state["my_file"].getvalue(), state["my_file"].name)
+    except InputError as error:
+        state["my_error"] = str(error)
+        return
+    _take(design, state["rotor_mass"], chosen_design().speed_rpm(state["bearing_number"]))
+
+
+def _number(place, field: FormField, **options) -> None:
+    usual = _USUAL[field.name]
+    place.number_input(field.title, value=None, key=_key(field.name), format="%g", on_change=_typed, help=field.help,
+                       step=10.0 ** (math.floor(math.log10(usual)) - 1), **options)
+
+
+def _rotor_fields() -> None:
+    fields = {f.name: f for f in FIELDS.values() if f.group == "Rotor"}
+    left, right = st.columns(2)
+    _number(left, fields[_STIFFNESS], disabled=st.session_state["my_rigid"])
+    right.checkbox("Rigid shaft", key="my_rigid", on_change=_typed, help="Disc and journal move as one")
+    how = st.segmented_control("Unbalance given as", UNBALANCE_AS, default=UNBALANCE_AS[0], key="my_unbalance_as",
+                               help="ISO 21940-11: G = e_per ω in mm/s, e_per the residual unbalance over the mass of the "
+                                    "whole rotor. Only the disc is unbalanced here: e_u = G / (ω (1 - μ_j))")
+    left, right = st.columns(2)
+    if how == UNBALANCE_AS[1]:
+        left.number_input("Balance quality grade G, mm/s", value=None, key="my_grade", format="%g", step=0.1,
+                          on_change=_grade_typed, help=f"From {GRADE_RANGE[0]:g} to {GRADE_RANGE[1]:g} mm/s; spindles 0.4 to "
+                                                       "2.5, turbines 2.5")
+        right.number_input("at the speed, rpm", value=None, key="my_grade_rpm", format="%g", step=100.0, on_change=_grade_typed)
+        st.caption(f"e_u = {1e6 * chosen_design().rotor.unbalance_eccentricity:.4g} µm")
+    else:
+        _number(left, fields[_UNBALANCE])
+    left, right = st.columns(2)
+    for place, name in ((left, "rotor__journal_mass_fraction"), (right, "rotor__gravity")):
+        _number(place, fields[name])
+
+
+def design_form() -> None:
+    """Presets, files, operating point and every value of the design; a wrong value is told and changes nothing."""
+    state, design = st.session_state, chosen_design()
+    if state.get("my_filled") != design or any(_key(name) not in state for name in FIELDS) or "my_rigid" not in state:
+        _fill(design)
+    _fill_speed()
+    # the preset's name stays there only as long as it is that design
+    state["my_preset"] = next((name for name, p in PRESETS.items() if p.design == design), None)
+    a, b = st.columns([2.2, 1], vertical_alignment="bottom")
+    a.selectbox("Start from", list(PRESETS), key="my_preset", on_change=_preset_chosen, placeholder="own design",
+                format_func=lambda name: PRESETS[name].label, index=None,
+                help="  \n".join(f"{p.label}: {p.text}." for p in PRESETS.values()))
+    with b.popover("Open, save", icon=":material/folder_open:", width="stretch"):
+        st.file_uploader("Design file, TOML", type="toml", key="my_file", on_change=_uploaded, max_upload_size=1)
+        st.download_button("Save this design as TOML", design_toml(design), "my.toml", "application/toml", key="my_save",
+                           on_click="ignore", icon=":material/download:", width="stretch")
+    if state["my_error"]:
+        st.error(f"{state['my_error'][0].upper()}{state['my_error'][1:]}. The design stays as it was.")
+    a, b, c = st.columns(3)
+    a.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%g",
+                   help="Whole rotor mass that one bearing carries")
+    b.number_input("Shaft speed, rpm", value=None, key="my_rpm", step=100.0, format="%g", on_change=_speed_typed,
+                   help="From {:,.4g} to {:,.4g} rpm".format(*(design.speed_rpm(v) for v in BEARING_NUMBER_RANGE)))
+    c.number_input("or bearing number Λ", *BEARING_NUMBER_RANGE, key="bearing_number", step=0.05, format="%.4g",
+                   help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
+    for tab, group in zip(st.tabs(list(GROUPS)), GROUPS, strict=True):
+        with tab:
+            if group == "Rotor":
+                _rotor_fields()
+                continue
+            columns = st.columns(2)
+            for k, field in enumerate(f for f in FIELDS.values() if f.group == group):
+                _number(columns[k % 2], field)
