@@ -117,6 +117,8 @@ def test_a_typed_speed_sets_the_bearing_number(app):
     assert app.query_params["bearing_number"] == f"{app.session_state['bearing_number']:.6g}"
     app.number_input(key="rpm").set_value(None).run()  # emptied: the speed stays
     assert not app.exception and app.number_input(key="rpm").value == pytest.approx(10_200.0, rel=1e-5)
+    app.number_input(key="rotor_mass").set_value(None).run()  # emptied: the usual mass
+    assert not app.exception and app.number_input(key="rotor_mass").value == 4.52
     for speed in (app.number_input(key="rpm").min, app.number_input(key="rpm").max):
         app.number_input(key="rpm").set_value(speed).run()
         assert not app.exception and len(verdict(app)) == 1
