@@ -108,13 +108,13 @@ with right:
     if point.mle:
         cells = st.columns([1.5, 1, 1])
         error = point.mle.standard_error
-        cells[0].metric("MLE per revolution", f"{point.mle.value:+.3f} ± {max(error, 0.001):.3f}",
+        cells[0].metric("MLE per revolution", f"{point.mle.value:+.3f} ± {f'{error:.3f}' if error >= 0.0005 else '<0.001'}",
                         help="Maximum Lyapunov exponent, natural logarithm, ± its standard error: below zero periodic, zero "
                              "quasi-periodic, above zero chaotic")
         cells[1].metric("Max. eccentricity", f"{point.max_eccentricity:.3f}", help="Largest of the journal, over the clearance")
         cells[2].metric("Time in contact", f"{100 * point.contact_share:.1f} %",
                         help="Share of the time with a film under a tenth of the clearance")
-    orbit = orbit_figure(point).update_layout(height=265, margin_t=30)
+    orbit = orbit_figure(point).update_layout(height=270, margin_t=30, legend_y=-0.3)
     with st.container(horizontal=True, vertical_alignment="center"):
         page_link("Operating_point", "Operating point: section, spectrum, film")
         b0, b1, m0, m1 = (float(v) for v in (*m.bearing_number[[0, -1]], *m.rotor_mass[[0, -1]]))
