@@ -99,7 +99,8 @@ with right:
         st.info("The map is of the reference bearing; the point is solved with your own design, whose margin no map tells yet.")
         with st.container(horizontal=True):
             st.button("Use the reference bearing", on_click=set_design, args=(reference_design(),), key="use_reference")
-            page_link("My_bearing", "My bearing: a map of your own design")
+            page_link("My_bearing", "My bearing")
+            page_link("My_map", "My map: the map of your own design")
     with verdict, errors_in_words():
         point = live_point(design, mass, number)
     box = {"periodic": verdict.success, "quasi-periodic": verdict.warning}.get(point.regime.name if point.regime else "",
