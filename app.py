@@ -34,24 +34,16 @@ with errors_in_words():
 state, design = st.session_state, chosen_design()
 
 
-def _mark():
-    """Have the figure show the chosen point: its cell, none outside the map."""
-    number, mass = state["bearing_number"], state["rotor_mass"]
-    inside = m.bearing_number[0] <= number <= m.bearing_number[-1] and m.rotor_mass[0] <= mass <= m.rotor_mass[-1]
-    row, column = m.nearest(mass, number)
-    state["mark"] = row * len(m.rotor_mass) + column if inside else None
+def _unmark():
+    """The point or the layer is another one: this run draws the mark anew."""
+    state.pop("mark", None)
 
 
 def _typed_speed():
     if state["rpm"] is not None:  # an emptied field keeps the speed
         number = design.bearing_number(state["rpm"] * math.pi / 30.0)
         set_point(state["rotor_mass"], min(max(number, BEARING_NUMBER_RANGE[0]), BEARING_NUMBER_RANGE[1]))
-        _mark()
-
-
-def _typed():
-    if state["rotor_mass"] is not None and state["bearing_number"] is not None:
-        _mark()
+        _unmark()
 
 
 def _clicked():
@@ -65,8 +57,11 @@ def _clicked():
         set_point(float(m.rotor_mass[column]), float(m.bearing_number[row]))
 
 
-if "mark" not in state or "map" not in state:  # the page is opened, or opened again: the point may have been chosen elsewhere
-    _mark()
+if "mark" not in state or "map" not in state:  # where the page is opened again, the point may have been chosen elsewhere
+    number, mass = state["bearing_number"], state["rotor_mass"]
+    inside = m.bearing_number[0] <= number <= m.bearing_number[-1] and m.rotor_mass[0] <= mass <= m.rotor_mass[-1]
+    row, column = m.nearest(mass, number)
+    state["mark"] = row * len(m.rotor_mass) + column if inside else None
 slowest, fastest = (design.speed_rpm(b) for b in BEARING_NUMBER_RANGE)
 state["rpm"] = min(max(design.speed_rpm(state["bearing_number"]), slowest), fastest)
 
@@ -75,7 +70,7 @@ left, right = st.columns([1.15, 1], gap="medium")
 with left:
     st.markdown("#### Stability map of the reference bearing")
     # another layer is another figure: it must show the cell clicked last, which the browser alone knew
-    layer = st.segmented_control("Layer", LAYERS, key="layer", on_change=_mark, label_visibility="collapsed") or LAYERS[0]
+    layer = st.segmented_control("Layer", LAYERS, key="layer", on_change=_unmark, label_visibility="collapsed") or LAYERS[0]
     model, divisor, draw = state["model"], state["divisor"], int(state["draw"])
     with errors_in_words():
         figure = marked_map_figure(layer, state["mark"], model, divisor, draw)
@@ -89,11 +84,11 @@ with left:
 with right:
     st.markdown(f"#### Operating point, {design_words()}")
     a, b, c = st.columns(3)
-    a.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%.3f", on_change=_typed,
+    a.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, None, key="rotor_mass", step=0.1, format="%.3f", on_change=_unmark,
                    help="Whole rotor mass that one bearing carries")
-    b.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, key="bearing_number", step=0.05, format="%.3f",
-                   on_change=_typed, help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
-    c.number_input("Shaft speed, rpm", slowest, fastest, key="rpm", step=100.0, format="%.0f", on_change=_typed_speed,
+    b.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, None, key="bearing_number", step=0.05, format="%.3f",
+                   on_change=_unmark, help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
+    c.number_input("Shaft speed, rpm", slowest, fastest, None, key="rpm", step=100.0, format="%.0f", on_change=_typed_speed,
                    help="The same as Λ, of the chosen design")
     mass, number = state["rotor_mass"], state["bearing_number"]
     verdict = st.container()
@@ -104,7 +99,8 @@ with right:
         st.info("The map is of the reference bearing; the point is solved with your own design, whose margin no map tells yet.")
         with st.container(horizontal=True):
             st.button("Use the reference bearing", on_click=set_design, args=(reference_design(),), key="use_reference")
-            page_link("My_bearing", "My bearing: a map of your own design")
+            page_link("My_bearing", "My bearing")
+            page_link("My_map", "My map: the map of your own design")
     with verdict, errors_in_words():
         point = live_point(design, mass, number)
     box = {"periodic": verdict.success, "quasi-periodic": verdict.warning}.get(point.regime.name if point.regime else "",
@@ -113,13 +109,13 @@ with right:
     if point.mle:
         cells = st.columns([1.5, 1, 1])
         error = point.mle.standard_error
-        cells[0].metric("MLE per revolution", f"{point.mle.value:+.3f} ± {max(error, 0.001):.3f}",
+        cells[0].metric("MLE per revolution", f"{point.mle.value:+.3f} ± {f'{error:.3f}' if error >= 0.0005 else '<0.001'}",
                         help="Maximum Lyapunov exponent, natural logarithm, ± its standard error: below zero periodic, zero "
                              "quasi-periodic, above zero chaotic")
         cells[1].metric("Max. eccentricity", f"{point.max_eccentricity:.3f}", help="Largest of the journal, over the clearance")
         cells[2].metric("Time in contact", f"{100 * point.contact_share:.1f} %",
                         help="Share of the time with a film under a tenth of the clearance")
-    orbit = orbit_figure(point).update_layout(height=265, margin_t=30)
+    orbit = orbit_figure(point).update_layout(height=270, margin_t=30, legend_y=-0.3)
     with st.container(horizontal=True, vertical_alignment="center"):
         page_link("Operating_point", "Operating point: section, spectrum, film")
         b0, b1, m0, m1 = (float(v) for v in (*m.bearing_number[[0, -1]], *m.rotor_mass[[0, -1]]))

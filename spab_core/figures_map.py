@@ -76,7 +76,7 @@ def _add_line(figure: go.Figure, name: str, x, y, z, level: float, dash: str) ->
     """A level of z (x, y) as a black line on a white one, to be seen on every colour."""
     at = {"start": level, "end": level, "size": 1.0, "coloring": "none"}
     for line, shown in (({"color": "#ffffff", "width": 4.5}, False), ({"color": "#000000", "width": 2, "dash": dash}, True)):
-        figure.add_contour(x=x, y=y, z=z.T.astype(np.float32), contours=at, line=line, name=name, showlegend=shown,
+        figure.add_contour(x=x, y=y, z=z.T, contours=at, line=line, name=name, showlegend=shown,
                            legendgroup=name, showscale=False, hoverinfo="skip")
 
 
@@ -102,11 +102,12 @@ def map_figure(m: StabilityMap, layer: str = "MLE", predicted: PredictedMap | No
     """
     figure = go.Figure()
     _add_layer(figure, m, layer, predicted)
-    chaos = gaussian_filter((m.regime == "chaotic").astype(float), _SMOOTHED, mode="nearest")
-    _add_line(figure, "border of chaos", m.bearing_number, m.rotor_mass, chaos, 0.5, "solid")
+    # in bytes, halfway between 0 and 255: a quarter of the data
+    chaos = gaussian_filter(np.where(m.regime == "chaotic", 255.0, 0.0), _SMOOTHED, mode="nearest").round().astype(np.uint8)
+    _add_line(figure, "border of chaos", m.bearing_number, m.rotor_mass, chaos, 127.5, "solid")
     if table is not None:
         _add_line(figure, "linear stability threshold", table.bearing_number, table.rotor_mass,
-                  table.bearing_number[:, None] * table.rate, 0.0, "dash")
+                  (table.bearing_number[:, None] * table.rate).astype(np.float32), 0.0, "dash")
     b, kg = np.meshgrid(m.bearing_number, m.rotor_mass, indexing="ij")
     figure.add_scattergl(
         x=b.ravel().astype(np.float32), y=kg.ravel().astype(np.float32), mode="markers", name="cells", showlegend=False,

@@ -117,6 +117,8 @@ def test_a_typed_speed_sets_the_bearing_number(app):
     assert app.query_params["bearing_number"] == f"{app.session_state['bearing_number']:.6g}"
     app.number_input(key="rpm").set_value(None).run()  # emptied: the speed stays
     assert not app.exception and app.number_input(key="rpm").value == pytest.approx(10_200.0, rel=1e-5)
+    app.number_input(key="rotor_mass").set_value(None).run()  # emptied: the usual mass
+    assert not app.exception and app.number_input(key="rotor_mass").value == 4.52
     for speed in (app.number_input(key="rpm").min, app.number_input(key="rpm").max):
         app.number_input(key="rpm").set_value(speed).run()
         assert not app.exception and len(verdict(app)) == 1
@@ -144,9 +146,10 @@ def test_an_own_design_is_solved_and_the_map_says_whose_it_is():
     at.query_params["bearing.clearance"] = "3e-05"
     at.run()
     assert not at.exception and not at.error
-    assert "reference bearing" in at.info[0].value and "own design (clearance 3e-05)" in " ".join(x.value for x in at.markdown)
+    assert "reference bearing" in at.info[0].value and "30 µm" in " ".join(x.value for x in at.markdown)
     assert not any("Margin" in x.value for x in at.markdown)  # the map's margin is not this design's
     before = at.metric[0].value
+    assert {"Operating_point", "My_map"} <= {link.proto.page for link in at.get("page_link")}
     assert at.number_input(key="rpm").value == pytest.approx(reference_design().speed_rpm(3.45) * (3.0 / 3.5) ** 2)
     at.button(key="use_reference").click().run()
     assert not at.exception and not at.info and any("Margin" in x.value for x in at.markdown)

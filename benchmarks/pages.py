@@ -1,0 +1,112 @@
+"""Seconds that a user waits for the dashboard in Chromium on a warm server: alone, and with a second user at once.
+
+    python benchmarks/pages.py
+"""
+
+import asyncio
+import statistics
+import sys
+import time
+from pathlib import Path
+
+from playwright.async_api import async_playwright
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "docs"))
+from take_pictures import dashboard, find_chromium  # noqa: E402
+
+GOALS = {"first view: verdict": 2.0, "first view: map drawn": 2.0, "click to live verdict": 1.0, "another layer drawn": 2.0}
+SWITCH = 1.0
+CLICKS = [(7.0, 6.0), (10.0, 5.0), (18.0, 4.5), (2.0, 5.0), (22.0, 4.0)]  # kg, bearing number
+DRAWN = """layer => { const plot = document.querySelector('.js-plotly-plot');
+    return plot && plot.calcdata && plot._fullData.some(t => t.name === 'cells')
+        && plot._fullData.some(t => t.name === 'chaotic') === (layer === 'Regime'); }"""
+AT_REST = """old => { const title = document.querySelector('[data-testid=stMain] h4');
+    return title && title.innerText !== old && document.querySelector('[data-test-script-state=notRunning]'); }"""
+
+
+async def click_cell(page, mass, number):
+    """Click the map at a point; seconds until the answer to another point stands there."""
+    words = page.get_by_text("Solved live")
+    old = await words.inner_text()
+    position = await page.evaluate("""([x, y]) => {
+        const plot = document.querySelector('.js-plotly-plot'), layout = plot._fullLayout;
+        const box = plot.querySelector('.nsewdrag').getBoundingClientRect();
+        return [box.left + layout.xaxis.d2p(x), box.top + layout.yaxis.d2p(y)]; }""", [number, mass])
+    await page.mouse.move(*position)
+    await page.wait_for_timeout(300)
+    began = time.perf_counter()
+    await page.mouse.click(*position)
+    await page.wait_for_function("""old => [...document.querySelectorAll('[data-testid=stCaptionContainer]')].some(
+        c => c.innerText.startsWith('Solved live') && c.innerText !== old)""", arg=old, timeout=60_000)
+    return time.perf_counter() - began
+
+
+async def journey(browser, address, shift):
+    """One user's walk; seconds by action. ``shift`` moves the clicked cells: a point solved before is not solved again."""
+    found: dict[str, list[float]] = {}
+
+    def took(action, began):
+        found.setdefault(action, []).append(time.perf_counter() - began)
+
+    context = await browser.new_context(viewport={"width": 1440, "height": 900})
+    page = await context.new_page()
+    began = time.perf_counter()
+    await page.goto(address)
+
+    async def verdict():
+        await page.get_by_text("Solved live").wait_for(timeout=60_000)
+        took("first view: verdict", began)
+
+    async def drawn():
+        await page.wait_for_function(DRAWN, arg="MLE", timeout=60_000)
+        took("first view: map drawn", began)
+
+    await asyncio.gather(verdict(), drawn())
+    await page.wait_for_timeout(1000)
+    for mass, number in CLICKS:
+        found.setdefault("click to live verdict", []).append(await click_cell(page, mass + 0.3 * shift, number + 0.1 * shift))
+        await page.wait_for_timeout(500)
+    for layer in ("Regime", "MLE", "Regime", "MLE"):
+        began = time.perf_counter()
+        await page.get_by_role("radio", name=layer, exact=True).or_(page.get_by_text(layer, exact=True)).first.click()
+        await page.wait_for_function(DRAWN, arg=layer, timeout=60_000)
+        took("another layer drawn", began)
+        await page.wait_for_timeout(500)
+    links = page.locator("[data-testid=stSidebarNavLink]")
+    names = [(await links.nth(k).get_attribute("href")).rstrip("/").rpartition("/")[2] for k in range(await links.count())]
+    for _ in range(2):
+        for k in [*range(1, len(names)), 0]:
+            old = await page.locator("[data-testid=stMain] h4").first.inner_text()
+            began = time.perf_counter()
+            await links.nth(k).click()
+            await page.wait_for_function(AT_REST, arg=old, timeout=60_000)
+            took(f"to page: {names[k] if k else 'Stability map'}", began)
+            await page.wait_for_timeout(500)
+    await context.close()
+    return found
+
+
+async def measure(address):
+    async with async_playwright() as p:
+        browser = await p.chromium.launch(executable_path=find_chromium(), args=["--no-sandbox"])
+        await journey(browser, address, 0)  # warms the server
+        one = await journey(browser, address, 1)
+        both = await asyncio.gather(*(journey(browser, address, shift) for shift in (2, 3)))
+        await browser.close()
+    return one, {action: both[0][action] + both[1][action] for action in one}
+
+
+def main():
+    with dashboard() as address:
+        one, two = asyncio.run(measure(address))
+    print(f"{'':34s} {'alone':>7s} {'two':>7s} {'ratio':>6s} {'goal':>6s}")
+    for action, seconds in one.items():
+        alone, together = statistics.median(seconds), statistics.median(two[action])
+        goal = GOALS.get(action, SWITCH)
+        missed = "" if alone <= goal and together < 2.0 * alone else "  missed"
+        print(f"{action:34s} {alone:6.2f}s {together:6.2f}s {together / alone:6.1f} {goal:5.1f}s{missed}")
+
+
+if __name__ == "__main__":
+    main()
