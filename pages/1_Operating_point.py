@@ -23,7 +23,7 @@ b.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, 
                help="Whole rotor mass that one bearing carries")
 with c.popover("Design", icon=":material/tune:", width="stretch"):
     ui.design_controls()
-with d.popover("Solver", icon=":material/memory:", width="stretch"), errors_in_words():
+with d.popover("Solver", icon=":material/memory:", width="stretch"):
     ui.solver_controls()
 compare = e.toggle("Compare with the reference bearing", key="compare", disabled=is_reference() and not state["compare"],
                    help="Change a value of the design first: this is the reference bearing") and not is_reference()

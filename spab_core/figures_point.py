@@ -247,7 +247,7 @@ def film_figure(revolution: Revolution, colour: str = "Pressure") -> go.Figure:
         height=430, margin={"l": 0, "r": 0, "t": 0, "b": 80}, uirevision="film",
         scene={"xaxis": hidden, "yaxis": hidden, "zaxis": {"visible": False, "range": [-1.2 * flat, 1.2 * flat]},
                "aspectmode": "manual", "aspectratio": {"x": 1.0, "y": 1.0, "z": flat},
-               "camera": {"eye": {"x": 0.55, "y": -0.85, "z": 0.75}}},
+               "camera": {"eye": {"x": 0.6, "y": -0.92, "z": 0.8}}},
         updatemenus=[{"type": "buttons", "direction": "left", "x": 0.0, "y": 0.0, "xanchor": "left", "yanchor": "top",
                       "pad": {"t": 28}, "showactive": False, "bgcolor": "#e0e0e0", "font": {"color": "#202020"}, "buttons": [
                           {"label": "▶ Play", "method": "animate", "args": [None, play]},

@@ -163,10 +163,9 @@ def verdict_panel(point: OperatingPoint) -> None:
         return
     spread, least = point.mle.standard_error, 1.0 - point.max_eccentricity
     values = (
-        ("MLE per revolution", f"{point.mle.value:+.3f}", "Maximum Lyapunov exponent per revolution, natural log: below zero "
-         "periodic, zero quasi-periodic, above zero chaotic"),
-        ("Standard error", f"± {spread:.3f}" if spread >= 0.0005 else "< 0.001", "Of the MLE, by batch means; on a settled "
-         "periodic orbit, the last change of its leading multiplier's rate"),
+        ("MLE per revolution", f"{point.mle.value:+.3f} ± {max(spread, 0.001):.3f}", "Maximum Lyapunov exponent, natural "
+         "logarithm, ± its standard error by batch means (on a settled periodic orbit, the last change of its leading "
+         "multiplier's rate): below zero periodic, zero quasi-periodic, above zero chaotic"),
         ("Max. eccentricity", f"{point.max_eccentricity:.3f}", "Largest of the journal, over the clearance C"),
         ("Least film, µm", f"{1e6 * point.design.bearing.clearance * least:.1f}", "Clearance less the largest eccentricity"),
         ("Time in contact", f"{100 * point.contact_share:.1f} %", "Share of the time, with a film under a tenth of C"),
@@ -179,8 +178,7 @@ def verdict_panel(point: OperatingPoint) -> None:
 def design_controls() -> None:
     """Every value of the chosen design in drawing units, one number field each; a wrong one is said and not taken."""
     design, state = chosen_design(), st.session_state
-    shown = to_form(design)
-    for name, value in shown.items():
+    for name, value in to_form(design).items():
         state[f"form_{name}"] = FIELDS[name].high if math.isinf(value) else value
     state["form_rigid"] = design.rigid
     if complaint := state.pop("form_complaint", None):
@@ -192,9 +190,9 @@ def design_controls() -> None:
         for name, f in FIELDS.items():
             if f.group != group:
                 continue
-            scale = design.gas.ambient_pressure * 10.0**-f.power if f.over_ambient else 1.0
-            box.number_input(f.title, f.low * scale, f.high * scale, key=f"form_{name}", help=f.help, format="%.6g",
-                             step=_step(shown[name]), on_change=_design_changed, args=(name,),
+            scale, value = design.gas.ambient_pressure * 10.0**-f.power if f.over_ambient else 1.0, state[f"form_{name}"]
+            box.number_input(f.title, min(f.low * scale, value), max(f.high * scale, value), key=f"form_{name}", help=f.help,
+                             format="%.6g", step=_step(value), on_change=_design_changed, args=(name,),
                              disabled=f.infinite and design.rigid)
             if f.infinite:
                 box.checkbox("Rigid shaft", key="form_rigid", on_change=_rigid_changed)
@@ -203,7 +201,7 @@ def design_controls() -> None:
 
 def _step(value: float) -> float:
     """A step of the size of a twentieth of a value, a power of ten."""
-    return 10.0 ** math.floor(math.log10(abs(value)) - 1.0) if value and math.isfinite(value) else 0.1
+    return 10.0 ** math.floor(math.log10(abs(value)) - 1.0) if value else 0.1
 
 
 def _design_changed(name: str) -> None:
@@ -235,7 +233,10 @@ def solver_controls() -> None:
     one, two = st.columns(2)
     one.number_input("Transient, revolutions", 0, 5000, key="transient", step=50)
     two.number_input("Measured, revolutions", 20, 5000, key="revolutions", step=50)
-    seconds = expected_seconds(chosen_settings(), float(state["bearing_number"]))
+    try:
+        seconds = expected_seconds(chosen_settings(), float(state["bearing_number"]))
+    except InputError:
+        return  # the page says what is wrong, where it can be seen
     where = "it is solved while you wait" if seconds <= LIVE_SECONDS else "it runs in the background, with progress and cancel"
     st.caption(f"At most about {duration(seconds)} on this mesh: {where}. The cost grows with revolutions and azimuths; more "
                "than 4 latitudes cost about four times as much, dtm some hundred times.")
