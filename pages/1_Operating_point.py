@@ -84,11 +84,13 @@ def tab_content(name: str, point, key: str) -> None:
     elif name == "Film 3-D":
         film(point, key)
     else:
-        figure = {"Spectrum": lambda: ui.spectrum_of(point, ui.COORDINATES).update_layout(height=480),
+        figure = {"Spectrum": lambda: ui.spectrum_of(point, 4).update_layout(height=480),
                   "Signals": partial(draw.signals_figure, point),
                   "Forces": lambda: draw.forces_figure(ui.revolution_of(point)),
                   "Exponent": lambda: draw.exponent_figure(point).update_layout(height=440)}[name]()
         show(name.lower(), figure, key)
+        if name == "Spectrum":
+            st.caption(ui.strongest_lines(point))
 
 
 def film(point, key: str) -> None:

@@ -29,7 +29,7 @@ from spab_core.ui.view import chosen_design, set_design
 
 LIVE_SECONDS = 2.0  # what is expected to take longer runs as a job
 MESHES = (str(DEFAULT_MESH), "2x16", "3x24", "4x32", "4x96", "6x64", "8x128")
-COORDINATES = ("X2", "Y2", "X1", "Y1")  # the rotor state's first four
+COORDINATES = ("X₂", "Y₂", "X₁", "Y₁")  # the rotor state's first four
 _RUN_UP = 60  # revolutions
 
 
@@ -100,12 +100,21 @@ def run_up_of(point: OperatingPoint) -> np.ndarray:
     return _run_up_path(_key(point), point)
 
 
-def spectrum_of(point: OperatingPoint, names: tuple[str, ...] = ("X2", "Y2")) -> go.Figure:
-    """Spectra of the recorded coordinates."""
+def spectrum_of(point: OperatingPoint, coordinates: int = 2) -> go.Figure:
+    """Spectra of the first so many of :data:`COORDINATES`, as recorded."""
     path = point.trajectory.path
-    states, samples = path.reshape(-1, 8), path.shape[1]
-    return draw.spectrum_figure({name: spectrum(states[:, COORDINATES.index(name)], samples) for name in names},
-                                point.design.bearing.clearance)
+    spectra = {name: spectrum(path[..., k].ravel(), path.shape[1]) for k, name in enumerate(COORDINATES[:coordinates])}
+    return draw.spectrum_figure(spectra, point.design.bearing.clearance)
+
+
+def strongest_lines(point: OperatingPoint) -> str:
+    """The strongest lines of X2 and Y2 in words."""
+    path, micron = point.trajectory.path, 1e6 * point.design.bearing.clearance
+    told = []
+    for k, name in enumerate(COORDINATES[:2]):
+        lines = spectrum(path[..., k].ravel(), path.shape[1]).lines()
+        told.append(f"{name}: " + (", ".join(f"{a * micron:.3g} µm at order {o:.2f}" for o, a in lines) or "none"))
+    return f"Strongest lines of {'; '.join(told)}. Orders {1 / len(path):.3f} apart, Hann window, peak amplitudes."
 
 
 def film_of(point: OperatingPoint, colour: str = draw.QUANTITIES[0]) -> go.Figure:
@@ -122,7 +131,7 @@ def figures_of(point: OperatingPoint) -> dict:
         "Journal": lambda: draw.body_figure(point, "journal", run_up_of(point)),
         "Disc": lambda: draw.body_figure(point, "disc", run_up_of(point)),
         "Section": partial(draw.section_figure, point),
-        "Spectrum": lambda: spectrum_of(point, COORDINATES),
+        "Spectrum": lambda: spectrum_of(point, 4),
         "Signals": partial(draw.signals_figure, point),
         "Film": partial(film_of, point),
         "Forces": lambda: draw.forces_figure(revolution_of(point)),

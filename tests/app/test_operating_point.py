@@ -71,6 +71,9 @@ def test_every_tab_of_a_chaotic_and_a_periodic_point(mass, number, name):
                 titles = [a["title"]["text"] for k, a in figure["layout"].items() if k.startswith("yaxis")]
                 assert titles and all(titles)
         assert any("revolutions from rest" in c.value for c in at.caption)
+        if tab == "Spectrum":
+            told = next(c.value for c in at.caption if c.value.startswith("Strongest lines"))
+            assert "order 1.00" in told and "µm" in told
 
 
 def test_the_film_is_animated_and_honest_about_its_scale():
