@@ -14,7 +14,7 @@ import streamlit as st
 from spab_core import figures_point as draw
 from spab_core.cost import expected_seconds
 from spab_core.design import Design, InputError, reference_design
-from spab_core.film import DEFAULT_MESH, SCHEMES
+from spab_core.film import DEFAULT_MESH, MESH_LIMITS, SCHEMES, Mesh
 from spab_core.form import FIELDS, GROUPS, from_form, to_form
 from spab_core.integrate import METHODS
 from spab_core.point import OperatingPoint
@@ -234,9 +234,10 @@ def solver_controls() -> None:
     state = st.session_state
     st.segmented_control("Method", METHODS, key="method", help="rodas: implicit, order 4, long steps. dtm: the paper's "
                          "differential transformation, explicit, its steps limited by stability", required=True)
+    low, high = (Mesh(*limit) for limit in zip(*MESH_LIMITS, strict=True))
     known = MESHES if state["mesh"] in MESHES else (*MESHES, state["mesh"])
     st.selectbox("Mesh", known, key="mesh", accept_new_options=True,
-                 help="Latitudes x azimuths of the half band; or type your own, from 2x16 to 8x256")
+                 help=f"Latitudes x azimuths of the half band; or type your own, from {low} to {high}")
     st.segmented_control("Film differences", SCHEMES, key="scheme", required=True,
                          help="fitted: exact for the first harmonic around. plain: central differences")
     one, two = st.columns(2)
@@ -248,4 +249,4 @@ def solver_controls() -> None:
         return  # the page says what is wrong, where it can be seen
     where = "it is solved while you wait" if seconds <= LIVE_SECONDS else "it runs in the background, with progress and cancel"
     st.caption(f"At most about {duration(seconds)} on this mesh: {where}. The cost grows with revolutions and azimuths; more "
-               "than 4 latitudes cost about four times as much, dtm some hundred times.")
+               "than 4 latitudes cost about four times as much, more than 8 again; dtm some hundred times.")
