@@ -23,7 +23,7 @@ b.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, 
                help="Whole rotor mass that one bearing carries")
 with c.popover("Design", icon=":material/tune:", width="stretch"):
     ui.design_controls()
-with d.popover("Solver", icon=":material/memory:", width="stretch"), errors_in_words():
+with d.popover("Solver", icon=":material/memory:", width="stretch"):
     ui.solver_controls()
 compare = e.toggle("Compare with the reference bearing", key="compare", disabled=is_reference() and not state["compare"],
                    help="Change a value of the design first: this is the reference bearing") and not is_reference()
@@ -84,11 +84,13 @@ def tab_content(name: str, point, key: str) -> None:
     elif name == "Film 3-D":
         film(point, key)
     else:
-        figure = {"Spectrum": lambda: ui.spectrum_of(point, ui.COORDINATES).update_layout(height=480),
+        figure = {"Spectrum": lambda: ui.spectrum_of(point, 4).update_layout(height=480),
                   "Signals": partial(draw.signals_figure, point),
                   "Forces": lambda: draw.forces_figure(ui.revolution_of(point)),
                   "Exponent": lambda: draw.exponent_figure(point).update_layout(height=440)}[name]()
         show(name.lower(), figure, key)
+        if name == "Spectrum":
+            st.caption(ui.strongest_lines(point))
 
 
 def film(point, key: str) -> None:

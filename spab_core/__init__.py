@@ -16,6 +16,9 @@ floquet         When a run has settled on a periodic orbit: its leading multipli
 lyapunov        Growth of the tangent -> Exponent
 regimes         Section and exponent -> Regime
 point           The three together at one operating point -> OperatingPoint
+revolution      One revolution in full: film thickness, pressure and forces, and the run-up that led there
+spectrum        Amplitudes over orders of the running speed
+cost            How long a point takes, told before it is solved
 stability       Static equilibrium, stiffness, linear whirl threshold
 coefficients    The bearing's eight linearised coefficients, against whirl frequency and speed; as a table, as ROSS reads it
 form            The design in the units of a drawing; balance grades; the bearing number from rpm
@@ -45,6 +48,7 @@ job_kinds       What a background job can be
 jobs            Long work in a worker process, its state on disk: queued, running, cancelled, failed, done
 figures         Plotly figures from results; of lines in figures_lines, of coefficients in figures_bearing
 figures_surrogates  Those of surrogates, of refining and of the map's audit
+figures_point   Those of one operating point
 ui              The only part that knows Streamlit
 report          Design, points, figures, versions and command lines in one HTML file or PDF
 export          Results as files for others: figures as HTML and PNG, maps as NetCDF and CSV

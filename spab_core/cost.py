@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from spab_core.simd import HALF
+from spab_core.simd import HALF, WIDTH
 from spab_core.simulate import Settings
 
-_ROW = {"rodas": (15e-6, 55e-6), "dtm": (0.55e-6, 1.7e-6)}  # seconds a column: of a revolution, of a step; second: M > 4
+# seconds a column, of a revolution and of a step, for up to 4, 8 and 16 latitudes: the width of a compiled row
+_COLUMN = {"rodas": (15e-6, 55e-6, 250e-6), "dtm": (0.55e-6, 1.7e-6, 6e-6)}
 _LIMIT, _LATITUDE, _AZIMUTH = 2.5, 8.0, 0.057  # dtm's steps are limited by diffusion across and around
 
 
@@ -19,7 +20,7 @@ def expected_seconds(settings: Settings, bearing_number: float) -> float:
         The explicit method's steps shrink with it.
     """
     m, n = settings.mesh
-    seconds = n * _ROW[settings.method][m > HALF] * (settings.transient + settings.revolutions)
+    seconds = n * _COLUMN[settings.method][(m > HALF) + (m > WIDTH)] * (settings.transient + settings.revolutions)
     if settings.method == "dtm":
         seconds *= (_LATITUDE * m**3.4 + _AZIMUTH * n**2) * (1.0 + _LIMIT / bearing_number)
     return seconds

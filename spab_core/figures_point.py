@@ -47,15 +47,15 @@ def orbit_figure(point: OperatingPoint, run_up: np.ndarray | None = None) -> go.
     path = point.trajectory.path.reshape(-1, 8).astype(np.float32)
     figure, early = go.Figure(), np.empty((0, 8), np.float32) if run_up is None else run_up.astype(np.float32)
     if len(early):
-        figure.add_scatter(x=early[:, 0], y=early[:, 1], mode="lines", name="run-up", opacity=0.4,
-                           line={"color": NEUTRAL, "width": 0.8})
+        dimmed = {"opacity": 0.4, "line": {"color": NEUTRAL, "width": 0.8}} if len(path) else {"line": {"color": JOURNAL}}
+        figure.add_scatter(x=early[:, 0], y=early[:, 1], mode="lines", name="run-up", **dimmed)
     if not point.design.rigid:
         figure.add_scatter(x=path[:, 2], y=path[:, 3], mode="lines", name="disc", line={"color": DISC, "width": 1})
     figure.add_scatter(x=path[:, 0], y=path[:, 1], mode="lines", name="journal", line={"color": JOURNAL, "width": 1})
     if run_up is not None:
         _section(figure, point, 4)
-    kept = len(point.trajectory.path)
-    return _square(figure, f"Orbits, last {kept} revolutions" if kept else "Orbits of the run-up", _reach(path, early))
+    title = f"Orbits, last {len(point.trajectory.path)} revolutions" if len(path) else f"Journal: {point.trajectory.status}"
+    return _square(figure, title, _reach(path, early))
 
 
 def _section(figure, point, size):
@@ -247,7 +247,7 @@ def film_figure(revolution: Revolution, colour: str = "Pressure") -> go.Figure:
         height=430, margin={"l": 0, "r": 0, "t": 0, "b": 80}, uirevision="film",
         scene={"xaxis": hidden, "yaxis": hidden, "zaxis": {"visible": False, "range": [-1.2 * flat, 1.2 * flat]},
                "aspectmode": "manual", "aspectratio": {"x": 1.0, "y": 1.0, "z": flat},
-               "camera": {"eye": {"x": 0.55, "y": -0.85, "z": 0.75}}},
+               "camera": {"eye": {"x": 0.6, "y": -0.92, "z": 0.8}}},
         updatemenus=[{"type": "buttons", "direction": "left", "x": 0.0, "y": 0.0, "xanchor": "left", "yanchor": "top",
                       "pad": {"t": 28}, "showactive": False, "bgcolor": "#e0e0e0", "font": {"color": "#202020"}, "buttons": [
                           {"label": "▶ Play", "method": "animate", "args": [None, play]},

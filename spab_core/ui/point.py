@@ -14,7 +14,7 @@ import streamlit as st
 from spab_core import figures_point as draw
 from spab_core.cost import expected_seconds
 from spab_core.design import Design, InputError, reference_design
-from spab_core.film import DEFAULT_MESH, SCHEMES
+from spab_core.film import DEFAULT_MESH, MESH_LIMITS, SCHEMES, Mesh
 from spab_core.form import FIELDS, GROUPS, from_form, to_form
 from spab_core.integrate import METHODS
 from spab_core.point import OperatingPoint
@@ -29,7 +29,7 @@ from spab_core.ui.view import chosen_design, set_design
 
 LIVE_SECONDS = 2.0  # what is expected to take longer runs as a job
 MESHES = (str(DEFAULT_MESH), "2x16", "3x24", "4x32", "4x96", "6x64", "8x128")
-COORDINATES = ("X2", "Y2", "X1", "Y1")  # the rotor state's first four
+COORDINATES = ("X₂", "Y₂", "X₁", "Y₁")  # the rotor state's first four
 _RUN_UP = 60  # revolutions
 
 
@@ -100,12 +100,21 @@ def run_up_of(point: OperatingPoint) -> np.ndarray:
     return _run_up_path(_key(point), point)
 
 
-def spectrum_of(point: OperatingPoint, names: tuple[str, ...] = ("X2", "Y2")) -> go.Figure:
-    """Spectra of the recorded coordinates."""
+def spectrum_of(point: OperatingPoint, coordinates: int = 2) -> go.Figure:
+    """Spectra of the first so many of :data:`COORDINATES`, as recorded."""
     path = point.trajectory.path
-    states, samples = path.reshape(-1, 8), path.shape[1]
-    return draw.spectrum_figure({name: spectrum(states[:, COORDINATES.index(name)], samples) for name in names},
-                                point.design.bearing.clearance)
+    spectra = {name: spectrum(path[..., k].ravel(), path.shape[1]) for k, name in enumerate(COORDINATES[:coordinates])}
+    return draw.spectrum_figure(spectra, point.design.bearing.clearance)
+
+
+def strongest_lines(point: OperatingPoint) -> str:
+    """The strongest lines of X2 and Y2 in words."""
+    path, micron = point.trajectory.path, 1e6 * point.design.bearing.clearance
+    told = []
+    for k, name in enumerate(COORDINATES[:2]):
+        lines = spectrum(path[..., k].ravel(), path.shape[1]).lines()
+        told.append(f"{name}: " + (", ".join(f"{a * micron:.3g} µm at order {o:.2f}" for o, a in lines) or "none"))
+    return f"Strongest lines of {'; '.join(told)}. Orders {1 / len(path):.3f} apart, Hann window, peak amplitudes."
 
 
 def film_of(point: OperatingPoint, colour: str = draw.QUANTITIES[0]) -> go.Figure:
@@ -122,7 +131,7 @@ def figures_of(point: OperatingPoint) -> dict:
         "Journal": lambda: draw.body_figure(point, "journal", run_up_of(point)),
         "Disc": lambda: draw.body_figure(point, "disc", run_up_of(point)),
         "Section": partial(draw.section_figure, point),
-        "Spectrum": lambda: spectrum_of(point, COORDINATES),
+        "Spectrum": lambda: spectrum_of(point, 4),
         "Signals": partial(draw.signals_figure, point),
         "Film": partial(film_of, point),
         "Forces": lambda: draw.forces_figure(revolution_of(point)),
@@ -163,10 +172,9 @@ def verdict_panel(point: OperatingPoint) -> None:
         return
     spread, least = point.mle.standard_error, 1.0 - point.max_eccentricity
     values = (
-        ("MLE per revolution", f"{point.mle.value:+.3f}", "Maximum Lyapunov exponent per revolution, natural log: below zero "
-         "periodic, zero quasi-periodic, above zero chaotic"),
-        ("Standard error", f"± {spread:.3f}" if spread >= 0.0005 else "< 0.001", "Of the MLE, by batch means; on a settled "
-         "periodic orbit, the last change of its leading multiplier's rate"),
+        ("MLE per revolution", f"{point.mle.value:+.3f} ± {max(spread, 0.001):.3f}", "Maximum Lyapunov exponent, natural "
+         "logarithm, ± its standard error by batch means (on a settled periodic orbit, the last change of its leading "
+         "multiplier's rate): below zero periodic, zero quasi-periodic, above zero chaotic"),
         ("Max. eccentricity", f"{point.max_eccentricity:.3f}", "Largest of the journal, over the clearance C"),
         ("Least film, µm", f"{1e6 * point.design.bearing.clearance * least:.1f}", "Clearance less the largest eccentricity"),
         ("Time in contact", f"{100 * point.contact_share:.1f} %", "Share of the time, with a film under a tenth of C"),
@@ -179,8 +187,7 @@ def verdict_panel(point: OperatingPoint) -> None:
 def design_controls() -> None:
     """Every value of the chosen design in drawing units, one number field each; a wrong one is said and not taken."""
     design, state = chosen_design(), st.session_state
-    shown = to_form(design)
-    for name, value in shown.items():
+    for name, value in to_form(design).items():
         state[f"form_{name}"] = FIELDS[name].high if math.isinf(value) else value
     state["form_rigid"] = design.rigid
     if complaint := state.pop("form_complaint", None):
@@ -192,9 +199,9 @@ def design_controls() -> None:
         for name, f in FIELDS.items():
             if f.group != group:
                 continue
-            scale = design.gas.ambient_pressure * 10.0**-f.power if f.over_ambient else 1.0
-            box.number_input(f.title, f.low * scale, f.high * scale, key=f"form_{name}", help=f.help, format="%.6g",
-                             step=_step(shown[name]), on_change=_design_changed, args=(name,),
+            scale, value = design.gas.ambient_pressure * 10.0**-f.power if f.over_ambient else 1.0, state[f"form_{name}"]
+            box.number_input(f.title, min(f.low * scale, value), max(f.high * scale, value), key=f"form_{name}", help=f.help,
+                             format="%.6g", step=_step(value), on_change=_design_changed, args=(name,),
                              disabled=f.infinite and design.rigid)
             if f.infinite:
                 box.checkbox("Rigid shaft", key="form_rigid", on_change=_rigid_changed)
@@ -203,7 +210,7 @@ def design_controls() -> None:
 
 def _step(value: float) -> float:
     """A step of the size of a twentieth of a value, a power of ten."""
-    return 10.0 ** math.floor(math.log10(abs(value)) - 1.0) if value and math.isfinite(value) else 0.1
+    return 10.0 ** math.floor(math.log10(abs(value)) - 1.0) if value else 0.1
 
 
 def _design_changed(name: str) -> None:
@@ -227,9 +234,10 @@ def solver_controls(cost: bool = True) -> None:
     state = st.session_state
     st.segmented_control("Method", METHODS, key="method", help="rodas: implicit, order 4, long steps. dtm: the paper's "
                          "differential transformation, explicit, its steps limited by stability", required=True)
+    low, high = (Mesh(*limit) for limit in zip(*MESH_LIMITS, strict=True))
     known = MESHES if state["mesh"] in MESHES else (*MESHES, state["mesh"])
     st.selectbox("Mesh", known, key="mesh", accept_new_options=True,
-                 help="Latitudes x azimuths of the half band; or type your own, from 2x16 to 8x256")
+                 help=f"Latitudes x azimuths of the half band; or type your own, from {low} to {high}")
     st.segmented_control("Film differences", SCHEMES, key="scheme", required=True,
                          help="fitted: exact for the first harmonic around. plain: central differences")
     one, two = st.columns(2)
@@ -237,7 +245,10 @@ def solver_controls(cost: bool = True) -> None:
     two.number_input("Measured, revolutions", 20, 5000, key="revolutions", step=50)
     if not cost:
         return
-    seconds = expected_seconds(chosen_settings(), float(state["bearing_number"]))
+    try:
+        seconds = expected_seconds(chosen_settings(), float(state["bearing_number"]))
+    except InputError:
+        return  # the page says what is wrong, where it can be seen
     where = "it is solved while you wait" if seconds <= LIVE_SECONDS else "it runs in the background, with progress and cancel"
     st.caption(f"At most about {duration(seconds)} on this mesh: {where}. The cost grows with revolutions and azimuths; more "
-               "than 4 latitudes cost about four times as much, dtm some hundred times.")
+               "than 4 latitudes cost about four times as much, more than 8 again; dtm some hundred times.")
