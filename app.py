@@ -2,7 +2,8 @@
 
 import streamlit as st
 
-from spab_core.figures import LAYERS, exponent_figure, orbit_figure, section_figure
+from spab_core.figures import LAYERS
+from spab_core.figures_point import exponent_figure, orbit_figure, section_figure
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.ui.shared import errors_in_words, live_point, marked_map_figure, page_head, reference_map
 

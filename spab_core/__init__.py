@@ -28,6 +28,7 @@ evaluation      How well they do: the paper's metrics, tables and ranking
 what_if         What a changed drawing does to the margin; what a run-up crosses
 foreign         Exponents from elsewhere, read from CSV, to train and rank surrogates on
 refine          Where to solve next: cells worth solving, live or out of a solved map -> Refinement
+quick_map       A map of one's own bearing in minutes
 artifacts       What is shipped, with checksums
 learning_curve  What refining saves: errors over the number of solved cells, chosen and drawn at random
 private_folder  Folders of this user alone
@@ -37,7 +38,7 @@ release         Everything shipped that is computed from the map: rebuilt to the
 point_file      A solved operating point as a file
 job_kinds       What a background job can be
 jobs            Long work in a worker process, its state on disk: queued, running, cancelled, failed, done
-figures         Plotly figures from results
+figures         Plotly figures from results; of lines in figures_lines
 figures_surrogates  Those of surrogates, of refining and of the map's audit
 ui              The only part that knows Streamlit
 report          Design, points, figures, versions and command lines in one HTML file or PDF

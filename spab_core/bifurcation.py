@@ -15,13 +15,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from joblib.externals.loky import ProcessPoolExecutor
 
 from spab_core.design import Design, InputError, write_atomically
 from spab_core.map_engine import cell_values, compile_once, locked, open_run, read_part
 from spab_core.point import OperatingPoint, solve_point
 from spab_core.simulate import Settings, check_point
-from spab_core.stability_map import FIELDS, UNREADABLE, map_metadata, npz_bytes
+from spab_core.stability_map import FIELDS, UNREADABLE, StabilityMap, map_metadata, npz_bytes
 
 VARY = ("rotor-mass", "bearing-number")
 SWEEPS = ("cold", "up", "down")
@@ -254,6 +255,36 @@ def chaotic_intervals(values: np.ndarray, regime: np.ndarray) -> list[tuple[floa
     chaotic = np.concatenate([[False], regime == "chaotic", [False]])
     first, behind = np.flatnonzero(np.diff(chaotic.astype(int)) == 1), np.flatnonzero(np.diff(chaotic.astype(int)) == -1)
     return [(float(values[a]), float(values[b - 1])) for a, b in zip(first, behind, strict=True)]
+
+
+def interval_table(line: Bifurcation, sweeps: Sequence[str]) -> pd.DataFrame:
+    """Chaotic intervals of a line: ``sweep``, ``first`` and ``last`` chaotic value, over bearing numbers both in rpm too."""
+    rows = [(name, *ends) for name, branch in line.branches.items() if name in sweeps
+            for ends in chaotic_intervals(line.values, branch.regime)]
+    table = pd.DataFrame(rows, columns=["sweep", "first", "last"])
+    if line.vary == "bearing-number":
+        speed = Design.from_dict(line.metadata["design"]).speed_rpm(1.0)
+        table = table.assign(first_rpm=table["first"].astype(float) * speed, last_rpm=table["last"].astype(float) * speed)
+    return table
+
+
+def line_table(line: Bifurcation) -> pd.DataFrame:
+    """A line as one row a sweep and point: where it is, exponent, regime and so on."""
+    speed = Design.from_dict(line.metadata["design"]).speed_rpm(1.0)
+    mass, number = (line.values, line.at) if line.vary == "rotor-mass" else (line.at, line.values)
+    return pd.concat([pd.DataFrame({"sweep": name, "rotor_mass_kg": mass, "bearing_number": number, "speed_rpm": speed * number}
+                                   | {column: getattr(branch, column) for column in _COLUMNS}, index=range(len(line.values)))
+                      for name, branch in line.branches.items()], ignore_index=True)
+
+
+def line_of_map(m: StabilityMap, vary: str, at: float) -> Bifurcation:
+    """The row or column of a map nearest to a line, as a cold sweep whose section is not known (nan)."""
+    row, column = m.nearest(at, at)
+    cells, at, values = (((row, slice(None)), m.bearing_number[row], m.rotor_mass) if vary == "rotor-mass"
+                         else ((slice(None), column), m.rotor_mass[column], m.bearing_number))
+    branch = Branch(np.full((len(values), SECTION_POINTS, 4), np.nan, np.float32),
+                    **{name: getattr(m, name)[cells] for name in _COLUMNS})
+    return Bifurcation(vary, float(at), values, {"cold": branch}, m.metadata)
 
 
 def save_bifurcation(result: Bifurcation, path: str | Path) -> None:

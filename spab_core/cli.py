@@ -9,12 +9,12 @@ import json
 import sys
 from pathlib import Path
 
-from joblib.externals.loky.process_executor import TerminatedWorkerError
 from tqdm import tqdm
 
-from spab_core import cli_dashboard, cli_models, cli_refine, cli_surrogates
+from spab_core import cli_dashboard, cli_design, cli_jobs, cli_models, cli_refine, cli_surrogates
 from spab_core._version import __version__
 from spab_core.bifurcation import SWEEPS, VARY, chaotic_intervals, check_line, compute_bifurcation, save_bifurcation
+from spab_core.cli_jobs import kept_when_stopped
 from spab_core.design import InputError, check_number, check_output, load_design, reference_design, write_atomically
 from spab_core.film import DEFAULT_MESH, SCHEMES, parse_mesh
 from spab_core.integrate import DEFAULT_TOLERANCE, METHODS, is_compiled
@@ -104,6 +104,8 @@ def _build_parser() -> argparse.ArgumentParser:
     cli_surrogates.add_commands(commands, _number, _whole)
     cli_refine.add_command(command, run_options, _whole, (_design, _settings, _say_compiling))
     cli_models.add_commands(commands, _whole)
+    cli_jobs.add_commands(commands)
+    cli_design.add_commands(commands, _number)
     cli_dashboard.add_command(commands, _whole)
     return parser
 
@@ -190,18 +192,9 @@ def _map(args) -> dict:
     parts = Path(f"{args.out}.parts")
     open_run(parts, design, bearing_number, rotor_mass, settings)
     _say_compiling()
-    with tqdm(total=cells, unit="cell", smoothing=0.05) as bar:
-        try:
-            result = compute_map(design, bearing_number, rotor_mass, settings, workers=args.workers, cluster=args.dask,
-                                 parts=parts, progress=bar.update)
-        except KeyboardInterrupt:
-            bar.close()
-            print(f"spab: stopped; finished chunks are kept in {parts}: the same command goes on from them", file=sys.stderr)
-            raise SystemExit(130) from None
-        except TerminatedWorkerError:
-            bar.close()
-            raise InputError("a worker process died (killed, or out of memory); finished chunks are kept in "
-                             f"{parts}: the same command goes on from them") from None
+    with tqdm(total=cells, unit="cell", smoothing=0.05) as bar, kept_when_stopped(bar, parts, "finished chunks"):
+        result = compute_map(design, bearing_number, rotor_mass, settings, workers=args.workers, cluster=args.dask,
+                             parts=parts, progress=bar.update)
     save_map(result, args.out)
     remove_parts(parts)
     names, counts = _count(result)
@@ -218,15 +211,14 @@ def _bifurcation(args) -> dict:
     check_output(args.out, "--out")
     sweeps = args.sweeps.split(",")
     check_line(args.vary, args.at, values, sweeps)
+    parts = Path(f"{args.out}.parts")
     _say_compiling()
-    with tqdm(total=len(values) * len(sweeps), unit="point", smoothing=0.05) as bar:
-        try:
-            result = compute_bifurcation(design, args.vary, args.at, values, settings, sweeps=sweeps, workers=args.workers,
-                                         progress=bar.update)
-        except TerminatedWorkerError:
-            bar.close()
-            raise InputError("a worker process died (killed, or out of memory)") from None
+    with (tqdm(total=len(values) * len(sweeps), unit="point", smoothing=0.05) as bar,
+          kept_when_stopped(bar, parts, "finished points")):
+        result = compute_bifurcation(design, args.vary, args.at, values, settings, sweeps=sweeps, workers=args.workers,
+                                     parts=parts, progress=bar.update)
     save_bifurcation(result, args.out)
+    remove_parts(parts)
     intervals = {name: chaotic_intervals(values, branch.regime) for name, branch in result.branches.items()}
     if not args.json:
         for name, found in intervals.items():

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from joblib.externals.loky.process_executor import TerminatedWorkerError
 from tqdm import tqdm
 
+from spab_core.cli_jobs import kept_when_stopped
 from spab_core.design import InputError, check_number, check_output
 from spab_core.features import table_for
 from spab_core.map_engine import remove_parts
@@ -88,21 +87,12 @@ def _solve(args, design, settings, say_compiling) -> dict:
     chosen, how = design(args), settings(args)
     parts = Path(f"{args.out}.parts")
     metadata = map_metadata(chosen, how, (len(bearing_number), len(rotor_mass))) | {"study": False}
-    with tqdm(total=args.budget, unit="cell", smoothing=0.05) as bar:
-        try:
-            with live_oracle(chosen, bearing_number, rotor_mass, how, parts=parts, plan={"seed": args.seed, "start": start},
-                             workers=args.workers, progress=bar.update) as oracle:
-                say_compiling()
-                table = table_for(chosen, ((bearing_number.min(), bearing_number.max()), (rotor_mass.min(), rotor_mass.max())))
-                result = refine(bearing_number, rotor_mass, oracle, args.budget, args.seed, table=table, metadata=metadata)
-        except KeyboardInterrupt:
-            bar.close()
-            print(f"spab: stopped; solved cells are kept in {parts}: the same command goes on from them", file=sys.stderr)
-            raise SystemExit(130) from None
-        except TerminatedWorkerError:
-            bar.close()
-            raise InputError("a worker process died (killed, or out of memory); solved cells are kept in "
-                             f"{parts}: the same command goes on from them") from None
+    with (tqdm(total=args.budget, unit="cell", smoothing=0.05) as bar, kept_when_stopped(bar, parts, "solved cells"),
+          live_oracle(chosen, bearing_number, rotor_mass, how, parts=parts, plan={"seed": args.seed, "start": start},
+                      workers=args.workers, progress=bar.update) as oracle):
+        say_compiling()
+        table = table_for(chosen, ((bearing_number.min(), bearing_number.max()), (rotor_mass.min(), rotor_mass.max())))
+        result = refine(bearing_number, rotor_mass, oracle, args.budget, args.seed, table=table, metadata=metadata)
     save_refinement(result, args.out)
     remove_parts(parts)
     return _answer(args, result, {})

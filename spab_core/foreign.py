@@ -6,6 +6,7 @@ import io
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -14,6 +15,7 @@ from spab_core.design import Design, InputError
 from spab_core.evaluation import mae, rmse
 from spab_core.features import table_for
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.stability_map import UNREADABLE, npz_bytes
 from spab_core.surrogates import DIVISORS, MODELS, Model, train, training_mask
 
 MAX_BYTES = 20_000_000
@@ -98,6 +100,23 @@ def read_samples(data: bytes) -> Samples:
     if not np.ptp(inputs, axis=0).all():
         raise InputError("all points have one bearing number or one rotor mass: surrogates need a plane")
     return Samples(inputs, mle[kept], int((~kept).sum()))
+
+
+def samples_bytes(samples: Samples) -> bytes:
+    """Samples as the bytes of an NPZ file."""
+    return npz_bytes({"inputs": samples.inputs, "mle": samples.mle, "left_out": np.array(samples.left_out)})
+
+
+def load_samples(path: Path) -> Samples:
+    """What :func:`samples_bytes` gave, from a file; nothing in it is unpickled. Raises ``InputError`` for any other file."""
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
+            found = Samples(data["inputs"], data["mle"], int(data["left_out"]))
+    except UNREADABLE as error:
+        raise InputError(f"cannot read the samples {str(path)!r}: {error}") from None
+    if found.mle.dtype.kind != "f" or found.inputs.shape != (len(found.mle), 2) or not np.isfinite(found.mle).all():
+        raise InputError(f"{path} holds no samples: its arrays do not fit together")
+    return found
 
 
 def _numbers(column: pd.Series, name: str, empty_allowed: bool) -> np.ndarray:

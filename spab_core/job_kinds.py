@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from spab_core.artifacts import REFERENCE_MAP, load_reference_map, read_manifest
 from spab_core.bifurcation import SWEEPS, check_line, compute_bifurcation, save_bifurcation
-from spab_core.design import Design, InputError, check_number
+from spab_core.design import Design, InputError, check_number, write_atomically
+from spab_core.export import csv_bytes
+from spab_core.foreign import MAX_BYTES, SEEDS, load_samples, rank_samples
 from spab_core.map_engine import remove_parts
 from spab_core.point import solve_point
 from spab_core.point_file import save_point
+from spab_core.private_folder import own_bytes
+from spab_core.quick_map import SECONDS, check_quick_map, quick_map
+from spab_core.quick_map import SETTINGS as MAP_SETTINGS
+from spab_core.refine import save_refinement
 from spab_core.simulate import Settings, check_point
 from spab_core.stability_map import axis
+from spab_core.surrogates import DIVISORS, MODELS, model
+from spab_core.what_if import AXES, SCAN, SETTINGS, STEP, STEPS, check_margin, save_sensitivity, sensitivity, variations
 
 Advance = Callable[[int], None]  # called with the number done since the last call
 SetTotal = Callable[..., None]  # set_total(total, kept=0): how many there are, and how many an earlier run has left
+SAMPLES = "samples.npz"  # of a ranking, in its folder
 _FEW = 20  # tasks that are done before a second process has started
 
 
@@ -116,6 +127,67 @@ def _run_point(folder: Path, parameters: dict, advance: Advance, set_total: SetT
                            settings, path_revolutions=parameters["path_revolutions"], progress=advance), folder / "result.npz")
 
 
+def _check_sensitivity(parameters: dict) -> dict:
+    design, mass, speed, along, step, scan, settings = _taken(
+        parameters, design={}, rotor_mass=..., speed_rpm=..., axis=AXES[0], step=STEP, scan=SCAN, settings=SETTINGS.to_dict())
+    found = Design.from_dict(design)
+    check_margin(found, mass, speed, along, scan)
+    return {"design": found.to_dict(), "rotor_mass": float(mass), "speed_rpm": float(speed), "axis": along,
+            "step": check_number("step", step, *STEPS), "scan": int(scan), "settings": _settings(settings).to_dict()}
+
+
+def _run_sensitivity(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:
+    given = parameters | {"design": Design.from_dict(parameters["design"]), "settings": Settings(**parameters["settings"])}
+    set_total(1 + len(variations(given["design"], given["step"])))
+    save_sensitivity(*sensitivity(**given, workers=min(2, os.cpu_count() or 1), progress=advance), folder / "result.json")
+
+
+def _check_ranking(parameters: dict) -> dict:
+    design, samples, models = _taken(parameters, design={}, samples=..., models=list(MODELS))
+    if not isinstance(samples, str) or not re.fullmatch("[0-9a-f]{64}", samples):
+        raise InputError(f"samples = {str(samples)[:60]!r} must be the SHA-256 of {SAMPLES}, which is put beside the job")
+    if not isinstance(models, list) or not models:
+        raise InputError(f"models = {str(models)[:60]!r} must be a list of {', '.join(MODELS)}")
+    return {"design": Design.from_dict(design).to_dict(), "samples": samples, "models": [model(name).name for name in models]}
+
+
+def _run_ranking(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:
+    data = own_bytes(folder / SAMPLES, MAX_BYTES)
+    if hashlib.sha256(data).hexdigest() != parameters["samples"]:
+        raise InputError(f"{SAMPLES} is not the file that this job was asked for")
+    kinds = [model(name) for name in parameters["models"]]
+    set_total(len(kinds) * len(DIVISORS) * len(SEEDS))
+    scores = rank_samples(load_samples(folder / SAMPLES), Design.from_dict(parameters["design"]), kinds, progress=advance)
+    write_atomically(folder / "result.csv", csv_bytes(scores))
+
+
+def _check_map(parameters: dict) -> dict:
+    design, number, mass, seconds, seed, settings = _taken(
+        parameters, design={}, bearing_number=..., rotor_mass=..., seconds=SECONDS, seed=0, settings=MAP_SETTINGS.to_dict())
+    check_quick_map(number, mass, seconds)
+    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**32:
+        raise InputError(f"seed = {str(seed)[:40]} must be a whole number from 0 to {2**32 - 1}")
+    return {"design": Design.from_dict(design).to_dict(), "bearing_number": str(number), "rotor_mass": str(mass),
+            "seconds": float(seconds), "seed": seed, "settings": _settings(settings).to_dict()}
+
+
+def _run_map(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:
+    seconds, gone = parameters["seconds"], 0.0
+    set_total(round(seconds))
+
+    def progress(more: float) -> None:
+        nonlocal gone
+        before, gone = int(gone), min(gone + more, seconds)
+        advance(int(gone) - before)
+
+    number, mass = check_quick_map(parameters["bearing_number"], parameters["rotor_mass"], seconds)
+    result = quick_map(Design.from_dict(parameters["design"]), number, mass, Settings(**parameters["settings"]),
+                       seconds=seconds, seed=parameters["seed"], parts=folder / "parts", workers=min(2, os.cpu_count() or 1),
+                       progress=progress, publish=lambda r: save_refinement(r, folder / "result.npz"))
+    save_refinement(result, folder / "result.npz")
+    remove_parts(folder / "parts")
+
+
 def _check_intervals(parameters: dict) -> dict:
     from spab_core.pretrained import recipe_hash  # scikit-learn: two seconds that the other kinds need not wait
     from spab_core.surrogates import DIVISORS, model
@@ -142,5 +214,8 @@ def _run_intervals(folder: Path, parameters: dict, advance: Advance, set_total: 
 KINDS = {
     "bifurcation": Kind("Bifurcation line", _check_bifurcation, _run_bifurcation),
     "point": Kind("Operating point", _check_point, _run_point),
+    "map": Kind("Map of a bearing", _check_map, _run_map),
+    "sensitivity": Kind("What if", _check_sensitivity, _run_sensitivity, "result.json"),
+    "ranking": Kind("Ranking on own data", _check_ranking, _run_ranking, "result.csv"),
     "intervals": Kind("Intervals of a surrogate", _check_intervals, _run_intervals),
 }

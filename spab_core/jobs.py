@@ -39,9 +39,9 @@ ACTIVE = ("queued", "running")
 STOPPED = "the worker was stopped; start it again to go on"
 _ID = re.compile(r"[a-z][a-z0-9-]{0,30}-[0-9a-f]{16}")
 _MAX_BYTES = 1_000_000  # of a job.json
-_START_SECONDS = 60.0  # for a worker to show up, on a busy machine
+_START_SECONDS = 120.0  # for a worker to show up, on a busy machine
 _WRITE_SECONDS, _LOOK_SECONDS = 0.25, 0.2
-_CANCEL_SECONDS = 5.0
+_CANCEL_SECONDS = 10.0
 _workers: dict[str, subprocess.Popen] = {}  # started by this process
 # job.json, with the types of its values
 _FIELDS: dict[str, tuple] = {
@@ -227,8 +227,18 @@ def _folders(root: Path) -> Iterator[Path]:
     return (path for path in root.iterdir() if _ID.fullmatch(path.name) and path.is_dir() and not path.is_symlink())
 
 
-def submit(kind: str, parameters: dict) -> Job:
+def submit(kind: str, parameters: dict, files: dict[str, bytes] | None = None) -> Job:
     """Start a job, or find it: one that is queued, running or done is returned as it is, any other goes on from what is kept.
+
+    Parameters
+    ----------
+    kind : str
+        Of ``job_kinds.KINDS``.
+    parameters : dict
+        Plain JSON values.
+    files : dict
+        What the job needs besides, by file name: put into its folder. The parameters hold their hashes, or two different
+        requests would be taken for one.
 
     Raises
     ------
@@ -244,6 +254,8 @@ def submit(kind: str, parameters: dict) -> Job:
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
         with FileLock(folder / ".lock", timeout=_CANCEL_SECONDS):  # a worker just cancelled may still hold it
+            for file, content in (files or {}).items():
+                write_atomically(folder / file, content)
             _start(folder, kind, parameters)
     except Timeout:
         pass  # someone else was faster

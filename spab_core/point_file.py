@@ -21,8 +21,8 @@ _ARRAYS = {"section": 2, "growth": 1, "contact": 1, "peak": 1, "path": 3, "final
 _ROTOR_STATES = {"section", "path"}
 
 
-def save_point(point: OperatingPoint, path: str | Path) -> None:
-    """Write an operating point as NPZ, atomically: its ``Trajectory``, the ``trace`` of its exponent, ``metadata``."""
+def point_arrays(point: OperatingPoint) -> dict[str, np.ndarray]:
+    """An operating point as arrays by name: its ``Trajectory``, the ``trace`` of its exponent, ``metadata``."""
     t = point.trajectory
     arrays = {name: getattr(t, name) for name in _ARRAYS}
     about = map_metadata(point.design, point.settings, ()) | {
@@ -32,8 +32,12 @@ def save_point(point: OperatingPoint, path: str | Path) -> None:
         "mle": [point.mle.value, point.mle.standard_error] if point.mle else None,
         "regime": dataclasses.asdict(point.regime) if point.regime else None,
     }
-    arrays |= {"trace": point.mle.trace if point.mle else np.empty(0), "metadata": np.array(json.dumps(about))}
-    write_atomically(path, npz_bytes(arrays))
+    return arrays | {"trace": point.mle.trace if point.mle else np.empty(0), "metadata": np.array(json.dumps(about))}
+
+
+def save_point(point: OperatingPoint, path: str | Path) -> None:
+    """Write an operating point as NPZ, atomically."""
+    write_atomically(path, npz_bytes(point_arrays(point)))
 
 
 def load_point(path: str | Path) -> OperatingPoint:

@@ -273,7 +273,8 @@ Watch = Callable[[np.ndarray, Prediction], None]
 
 def refine(bearing_number: np.ndarray, rotor_mass: np.ndarray, oracle: Oracle, budget: int, seed: int = 0, *,
            allowed: np.ndarray | None = None, table: LinearTable | None = None, watch: Watch | None = None,
-           metadata: dict | None = None) -> Refinement:
+           metadata: dict | None = None, start: int | None = None, share: float | None = None,
+           allowance: Callable[[int], int] | None = None, publish: Callable[[Refinement], None] | None = None) -> Refinement:
     """Solve ``budget`` cells of a plane, each batch where the cells solved before leave most in doubt.
 
     Parameters
@@ -296,6 +297,14 @@ def refine(bearing_number: np.ndarray, rotor_mass: np.ndarray, oracle: Oracle, b
         Called after each batch with the solved cells (n,) and what they predict.
     metadata : dict, optional
         Of the result; ``design`` is needed for :meth:`Refinement.suggestions`.
+    start : int, optional
+        Cells of the coarse start, at most ``budget``; those of a smaller start are among those of a larger one.
+    share : float, optional
+        Of a batch, drawn for the exponent rather than for the regime.
+    allowance : callable, optional
+        Called with the number of solved cells before each batch: the most cells that it may have; 0 ends the run.
+    publish : callable, optional
+        Called with the result so far after each batch.
 
     Returns
     -------
@@ -309,13 +318,16 @@ def refine(bearing_number: np.ndarray, rotor_mass: np.ndarray, oracle: Oracle, b
     bearing_number, rotor_mass = np.asarray(bearing_number, float), np.asarray(rotor_mass, float)
     count = check_plane(bearing_number, rotor_mass)
     first = check_budget(count, budget, seed)
+    if start is not None:
+        first = int(check_number("start", start, MIN_START, budget, "cells"))
     shape = (len(bearing_number), len(rotor_mass))
     may = np.ones(count, bool) if allowed is None else np.asarray(allowed, bool).ravel()
     if may.size != count or may.sum() < budget:
         raise InputError(f"budget = {budget} is out of range: {int(may.sum())} of {may.size} cells may be solved")
     inputs, number = plane_inputs(bearing_number, rotor_mass), np.repeat(bearing_number, shape[1])
     linear = None if table is None else linear_columns(bearing_number, rotor_mass, table)
-    share = EXPONENT_SHARE if table is None else THEORY_SHARE
+    if share is None:
+        share = EXPONENT_SHARE if table is None else THEORY_SHARE
     values = {name: _nothing(dtype, count) for name, dtype in FIELDS.items()}
     batch_of = np.full(count, -1, np.int16)
     cells, batch = choose_start(shape, first, seed, may), 0
@@ -330,16 +342,26 @@ def refine(bearing_number: np.ndarray, rotor_mass: np.ndarray, oracle: Oracle, b
             watch(solved, prediction)
         batch += 1
         done, free = int(solved.sum()), may & ~solved
-        if done == budget:
-            break
-        goal = max(done + 1, round(first * 2.0 ** (batch / DOUBLING)))
-        cells, _ = choose_next(prediction, free, shape, min(goal, budget) - done, seed, batch, share)
-    suggested, for_regime = choose_next(prediction, free, shape, min(SUGGESTIONS, int(free.sum())), seed, batch, share)
+        goal = min(max(done + 1, round(first * 2.0 ** (batch / DOUBLING))), budget)
+        size = goal - done if allowance is None else min(goal - done, allowance(done))
+        own = {"budget": int(budget), "seed": int(seed), "start": first, "batches": batch}
+        if publish or size <= 0:
+            suggested = choose_next(prediction, free, shape, min(SUGGESTIONS, int(free.sum())), seed, batch, share)
+            result = _refinement(bearing_number, rotor_mass, batch_of, values, prediction, suggested, (metadata or {}) | own)
+            if publish:
+                publish(result)
+            if size <= 0:
+                return result
+        cells, _ = choose_next(prediction, free, shape, size, seed, batch, share)
+
+
+def _refinement(bearing_number, rotor_mass, batch_of, values, prediction, suggested, metadata) -> Refinement:
+    shape = (len(bearing_number), len(rotor_mass))
     mle, deviation, regime, unstable = (a.reshape(shape) for a in (prediction.mle, prediction.deviation, prediction.regime,
                                                                    prediction.unstable))
-    own = {"budget": int(budget), "seed": int(seed), "start": first, "batches": batch}
-    return Refinement(bearing_number, rotor_mass, batch_of.reshape(shape), {k: v.reshape(shape) for k, v in values.items()},
-                      mle, deviation, regime, unstable, suggested, for_regime, (metadata or {}) | own)
+    return Refinement(bearing_number, rotor_mass, batch_of.reshape(shape).copy(),
+                      {k: v.reshape(shape).copy() for k, v in values.items()}, mle, deviation, regime, unstable,
+                      suggested[0], suggested[1], metadata)
 
 
 def _nothing(dtype, shape):

@@ -6,14 +6,18 @@ number is formed anew for every design.
 
 from __future__ import annotations
 
+import dataclasses
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import joblib
 import numpy as np
 import pandas as pd
 
-from spab_core.design import Design, InputError, check_number
+from spab_core.design import Design, InputError, check_number, write_atomically
 from spab_core.map_engine import cluster_or_processes
 from spab_core.point import solve_point
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, Settings, check_point
@@ -22,11 +26,12 @@ SETTINGS = Settings(transient=200, revolutions=200)
 REACH = 2.0  # margins are sought from 1/REACH to REACH times the operating point
 SCAN = 16  # points to each side, equally spaced in the logarithm
 BISECTIONS = 4  # of the step in which the regime changes: the border to 0.3 %
-STEP = 0.1  # relative change of each value of the design
+STEP, STEPS = 0.1, (1e-3, 0.5)  # relative change of each value of the design; allowed
 VALUES = {  # what a designer can still change, and its name
     "bearing__clearance": "clearance", "bearing__supply_pressure_ratio": "supply pressure",
     "rotor__unbalance_eccentricity": "unbalance", "rotor__shaft_stiffness": "shaft stiffness"}
 AXES = ("speed", "mass")
+_COLUMNS = {"value": str, "factor": float, "stable": bool, "below": float, "above": float, "distance": float, "change": float}
 
 
 @dataclass(frozen=True)
@@ -76,6 +81,16 @@ def _number(design: Design, speed_rpm: float) -> float:
     return design.bearing_number(speed_rpm * np.pi / 30.0)
 
 
+def check_margin(design: Design, rotor_mass: float, speed_rpm: float, axis: str, scan: int = SCAN) -> None:
+    """Raise :class:`InputError` for a machine, an axis or a scan out of range."""
+    if axis not in AXES:
+        raise InputError(f"axis = {str(axis)[:40]!r} is not allowed: choose {' or '.join(AXES)}")
+    check_number("scan", scan, 2, 1000)
+    low, high = (limit / _number(design, 1.0) for limit in BEARING_NUMBER_RANGE)
+    check_number("speed", speed_rpm, low, high, "rpm")
+    check_point(rotor_mass, _number(design, speed_rpm))
+
+
 def machine_margin(design: Design, rotor_mass: float, speed_rpm: float, axis: str, settings: Settings = SETTINGS, *,
                    scan: int = SCAN) -> Margin:
     """Seek the nearest borders along an axis, by cold starts outward from the operating point and bisection.
@@ -101,10 +116,7 @@ def machine_margin(design: Design, rotor_mass: float, speed_rpm: float, axis: st
     InputError
         For an operating point or axis out of range.
     """
-    if axis not in AXES:
-        raise InputError(f"axis = {str(axis)[:40]!r} is not allowed: choose {' or '.join(AXES)}")
-    check_number("scan", scan, 2, 1000)
-    check_point(rotor_mass, _number(design, speed_rpm))
+    check_margin(design, rotor_mass, speed_rpm, axis, scan)
     at = speed_rpm if axis == "speed" else rotor_mass
     limits = [r / _number(design, 1.0) for r in BEARING_NUMBER_RANGE] if axis == "speed" else ROTOR_MASS_RANGE
 
@@ -178,10 +190,8 @@ def sensitivity(design: Design, rotor_mass: float, speed_rpm: float, axis: str =
     InputError
         For an operating point, axis or step out of range.
     """
-    check_number("step", step, 1e-3, 0.5)
-    if axis not in AXES:
-        raise InputError(f"axis = {str(axis)[:40]!r} is not allowed: choose {' or '.join(AXES)}")
-    check_point(rotor_mass, _number(design, speed_rpm))
+    check_number("step", step, *STEPS)
+    check_margin(design, rotor_mass, speed_rpm, axis, scan)
     cases = [("", 1.0, design), *variations(design, step)]
     margins: dict[int, Margin] = {}
     with cluster_or_processes(workers) as run:
@@ -195,7 +205,7 @@ def sensitivity(design: Design, rotor_mass: float, speed_rpm: float, axis: str =
     rows = [{"value": name, "factor": factor, "stable": margins[k].stable, "below": margins[k].below, "above": margins[k].above,
              "distance": margins[k].distance, "change": margins[k].distance - base.distance}
             for k, (name, factor, _) in enumerate(cases) if k]
-    table = pd.DataFrame(rows, columns=["value", "factor", "stable", "below", "above", "distance", "change"])
+    table = pd.DataFrame(rows, columns=list(_COLUMNS)).astype(_COLUMNS)
     largest = table.groupby("value")["change"].transform(lambda c: c.abs().max())
     order = table.assign(largest=largest).sort_values(["largest", "value", "factor"], ascending=[False, True, True]).index
     return base, table.loc[order].reset_index(drop=True)
@@ -204,6 +214,25 @@ def sensitivity(design: Design, rotor_mass: float, speed_rpm: float, axis: str =
 def _numbered_margin(number, *arguments):
     *first, scan = arguments
     return number, machine_margin(*first, scan=scan)
+
+
+def save_sensitivity(base: Margin, table: pd.DataFrame, path: Path) -> None:
+    """Write what :func:`sensitivity` gave as JSON, atomically."""
+    rows = table.astype(object).where(table.notna(), None).to_dict("list")
+    numbers = {name: None if value != value else value for name, value in dataclasses.asdict(base).items()}
+    write_atomically(path, json.dumps({"base": numbers, "rows": rows}).encode())
+
+
+def load_sensitivity(path: Path) -> tuple[Margin, pd.DataFrame]:
+    """What :func:`save_sensitivity` wrote. Raises ``InputError`` for any other file."""
+    try:
+        data = json.loads(path.read_text("utf-8"))
+        numbers: dict[str, Any] = {name: float("nan") if value is None else value for name, value in data["base"].items()}
+        base = Margin(**numbers)
+        table = pd.DataFrame(data["rows"], columns=list(_COLUMNS)).astype(_COLUMNS)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise InputError(f"cannot read the sensitivity {str(path)!r}: {error}") from None
+    return base, table
 
 
 def regime_intervals(values: np.ndarray, regime: Sequence[str]) -> pd.DataFrame:

@@ -19,7 +19,8 @@ _KINDS = {"npz": ("Data, NPZ", "application/octet-stream"), "nc": ("Data, NetCDF
 _PNG_HELP = "Drawn by Chromium or Chrome on the server; the camera above each figure works without"
 
 
-def downloads(name: str, figures: dict[str, go.Figure], tables: dict[str, Callable[[], pd.DataFrame]] | None = None,
+def downloads(name: str, figures: dict[str, go.Figure | Callable[[], go.Figure]],
+              tables: dict[str, Callable[[], pd.DataFrame]] | None = None,
               files: dict[str, Callable[[], bytes]] | None = None, command: str = "") -> None:
     """A popover with the view's figures (HTML; PNG where a browser is found), data and the command that gives them.
 
@@ -28,7 +29,7 @@ def downloads(name: str, figures: dict[str, go.Figure], tables: dict[str, Callab
     name : str
         Beginning of the files' names; also of the keys, so once on a page.
     figures : dict
-        Figure by a short title.
+        Figure, or a function that gives it, by a short title.
     tables : dict
         Function that gives a table, by a short title: CSV.
     files : dict
@@ -48,10 +49,11 @@ def downloads(name: str, figures: dict[str, go.Figure], tables: dict[str, Callab
         for title, figure in figures.items():
             stem = _stem(name, title)
             html, png = st.columns(2)
-            html.download_button(f"{title}, HTML", partial(figure_html, figure), f"{stem}.html", "text/html",
+            html.download_button(f"{title}, HTML", partial(_figure, figure_html, figure), f"{stem}.html", "text/html",
                                  key=f"{stem}_html", on_click="ignore", width="stretch")
-            png.download_button(f"{title}, PNG", partial(figure_png, figure), f"{stem}.png", "image/png", key=f"{stem}_png",
-                                on_click="ignore", width="stretch", disabled=browser_path() is None, help=_PNG_HELP)
+            png.download_button(f"{title}, PNG", partial(_figure, figure_png, figure), f"{stem}.png", "image/png",
+                                key=f"{stem}_png", on_click="ignore", width="stretch", disabled=browser_path() is None,
+                                help=_PNG_HELP)
         for title, table in (tables or {}).items():
             stem = _stem(name, title)
             st.download_button(f"{title}, CSV", partial(_csv, table), f"{stem}.csv", "text/csv", key=f"{stem}_csv",
@@ -67,6 +69,10 @@ def downloads(name: str, figures: dict[str, go.Figure], tables: dict[str, Callab
 
 def _stem(name: str, title: str) -> str:
     return f"{name}_{title}".replace(" ", "_").lower()
+
+
+def _figure(write: Callable[[go.Figure], bytes], figure: go.Figure | Callable[[], go.Figure]) -> bytes:
+    return write(figure() if callable(figure) else figure)
 
 
 def _csv(table: Callable[[], pd.DataFrame]) -> bytes:

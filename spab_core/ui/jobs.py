@@ -10,7 +10,8 @@ from spab_core.ui.shared import errors_in_words
 _EVERY = 0.7  # seconds between two looks at a job
 
 
-def job_panel(kind: str, parameters: dict, label: str, key: str, *, auto: bool = False) -> Job | None:
+def job_panel(kind: str, parameters: dict, label: str, key: str, *, auto: bool = False,
+              files: dict[str, bytes] | None = None) -> Job | None:
     """Show a job and what can be done with it.
 
     Parameters
@@ -23,6 +24,8 @@ def job_panel(kind: str, parameters: dict, label: str, key: str, *, auto: bool =
         Prefix of the widgets' keys.
     auto : bool
         Start it without asking, once: a cancelled or failed one waits for the user.
+    files : dict
+        As in ``jobs.submit``.
 
     Returns
     -------
@@ -33,23 +36,30 @@ def job_panel(kind: str, parameters: dict, label: str, key: str, *, auto: bool =
         name = job_id(kind, parameters)
         job = find(name)
         if job is None and auto:
-            job = submit(kind, parameters)
+            job = submit(kind, parameters, files)
     if job is not None and job.active:
         st.fragment(_watch, run_every=_EVERY)(name, key)
         return None
     if job is not None and job.state == "done":
         return job
-    if job is not None and job.state == "cancelled":
-        st.warning(f"Cancelled{_count(job)}. What is solved is kept.")
-        label = "Go on"
-    elif job is not None:
-        st.error(f"Failed: {job.message}.".replace("..", "."))
-        label = "Try again"
-    if st.button(label, key=f"{key}_start", type="primary"):
+    place = st.container()
+    if job is not None:
+        words, place = _row()
+        if job.state == "cancelled":
+            words.warning(f"Cancelled{_count(job)}. What is solved is kept.")
+            label = "Go on"
+        else:
+            words.error(f"Failed: {job.message}.".replace("..", "."))
+            label = "Try again"
+    if place.button(label, key=f"{key}_start", type="primary", width="content" if job is None else "stretch"):
         with errors_in_words():
-            submit(kind, parameters)
+            submit(kind, parameters, files)
         st.rerun()
     return None
+
+
+def _row():
+    return st.columns([5, 1], vertical_alignment="center")
 
 
 def _count(job: Job) -> str:
@@ -74,7 +84,7 @@ def _watch(name: str, key: str) -> None:
     words = ", ".join(filter(None, [f"{job.done:,} of {job.total:,}" if job.total else "", time_left(job.seconds_left)]))
     if job.state == "queued":
         words = f"Queued: {job.message}" if job.message else "Starting …"
-    bar, stop = st.columns([5, 1], vertical_alignment="bottom")
+    bar, stop = _row()
     bar.progress(min(job.done / job.total, 1.0) if job.total else 0.0, words or "Starting …")
     if stop.button("Cancel", key=f"{key}_cancel", width="stretch"):
         with errors_in_words():

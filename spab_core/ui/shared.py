@@ -35,13 +35,15 @@ from spab_core.ui.view import open_view
 from spab_core.uncertainty import MapIntervals, load_intervals
 
 LIVE = Settings(transient=200, revolutions=200)
-LIVE_PATHS = 30
+LIVE_PATHS = 48  # orders of the spectrum are 1/48 apart; halves and thirds fall on them
 
 
 def page_head(title: str) -> None:
     """What every page begins with; ``title`` is shown in the browser's tab. The view is opened (:mod:`spab_core.ui.view`)."""
     st.set_page_config(page_title=f"spab: {title}", page_icon="◍", layout="wide")
-    st.html("<style>.block-container{padding:2.2rem 2rem 1rem} section[data-testid=stSidebar]{width:12.5rem !important;"
+    st.html("<style>.block-container{padding:2.2rem 2rem 1rem} "
+            "@media(max-width:640px){.block-container{padding:4rem 1rem 1rem}} "
+            "section[data-testid=stSidebar]{width:12.5rem !important;"
             "min-width:12.5rem} [data-testid=stMetricValue]{font-size:1.5rem} "
             "[data-testid=stMetricLabel] p{font-size:.74rem} "
             "@media(max-width:640px){.block-container{padding:3.6rem 1rem 1rem}}</style>")
@@ -92,13 +94,13 @@ def _solve(design: Design, rotor_mass: float, bearing_number: float, settings: S
     return solve_point(design, rotor_mass, bearing_number, settings, path_revolutions=LIVE_PATHS)
 
 
-def live_point(design: Design, rotor_mass: float, bearing_number: float) -> OperatingPoint:
+def live_point(design: Design, rotor_mass: float, bearing_number: float, settings: Settings = LIVE) -> OperatingPoint:
     """Solve an operating point now, or take it from the last 64 solved; says so where the solver must be compiled first."""
     text = "Solving this operating point …"
     if not is_compiled():
         text = "First run on this machine: compiling the solver. This takes about a minute, once."
     with st.spinner(text):
-        return _solve(design, rotor_mass, bearing_number, LIVE)
+        return _solve(design, rotor_mass, bearing_number, settings)
 
 
 @st.cache_resource(show_spinner=False)

@@ -14,13 +14,17 @@ from typing import Any
 
 import streamlit as st
 
+from spab_core.bifurcation import SWEEPS, VARY
 from spab_core.design import Design, InputError, check_number, reference_design
 from spab_core.figures import LAYERS
+from spab_core.figures_lines import COORDINATES
 from spab_core.film import DEFAULT_MESH, SCHEMES, parse_mesh
+from spab_core.form import FIELDS, to_form
 from spab_core.integrate import METHODS
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.surrogates import DIVISORS, MODELS
 
+LINES = ("paper", *VARY)  # of the page of lines: the paper's two, or one through the chosen point
 _LONGEST = 100  # characters of a value in the address that are looked at
 
 
@@ -54,9 +58,17 @@ def _number(name: str, low: float, high: float, unit: str = "", whole: bool = Fa
     return read
 
 
+def _some_of(name: str, allowed) -> Callable[[str], Any]:
+    one = _one_of(name, allowed)
+    return lambda text: [one(word) for word in text.split(",")]
+
+
 def _mesh(text: str) -> str:
     return str(parse_mesh(text))
 
+
+POINT_TABS = ("Overview", "Orbits", "Spectrum", "Signals", "Film 3-D", "Forces", "Exponent")
+SAME = ("bearing number", "speed")  # that two designs are compared at
 
 VIEW: dict[str, Field] = {
     "bearing_number": Field(3.45, _number("bearing_number", *BEARING_NUMBER_RANGE), "{:.6g}".format),
@@ -69,7 +81,18 @@ VIEW: dict[str, Field] = {
     "mesh": Field(str(DEFAULT_MESH), _mesh),
     "scheme": Field(SCHEMES[0], _one_of("scheme", SCHEMES)),
     "transient": Field(200, _number("transient", 0, 5000, "revolutions", whole=True)),
+    "line": Field(LINES[0], _one_of("line", LINES)),
+    "mass_from": Field(0.1, _number("mass_from", *ROTOR_MASS_RANGE, "kg"), "{:.6g}".format),
+    "mass_to": Field(25.0, _number("mass_to", *ROTOR_MASS_RANGE, "kg"), "{:.6g}".format),
+    "number_from": Field(0.05, _number("number_from", *BEARING_NUMBER_RANGE), "{:.6g}".format),
+    "number_to": Field(8.5, _number("number_to", *BEARING_NUMBER_RANGE), "{:.6g}".format),
+    "points": Field(200, _number("points", 2, 2000, whole=True)),
+    "sweeps": Field(["cold"], _some_of("sweeps", SWEEPS), ",".join),
+    "coordinates": Field(["X2", "Y2"], _some_of("coordinates", COORDINATES), ",".join),
     "revolutions": Field(200, _number("revolutions", 20, 5000, "revolutions", whole=True)),
+    "tab": Field(POINT_TABS[0], _one_of("tab", POINT_TABS)),
+    "compare": Field(False, _one_of("compare", (True, False))),
+    "same": Field(SAME[0], _one_of("same", SAME)),
 }
 _DESIGN = "_design"  # values of the design that differ from the reference, {"bearing.clearance": 3e-5}
 _COMPLAINTS = "_complaints"
@@ -164,8 +187,9 @@ def design_words() -> str:
     changes = st.session_state.get(_DESIGN, {})
     if not changes:
         return "reference bearing SPAB-60"
-    shown = ", ".join(f"{key.partition('.')[2].replace('_', ' ')} {'rigid' if math.isinf(v) else f'{v:.4g}'}"
-                      for key, v in list(changes.items())[:3])
+    values = to_form(chosen_design())
+    taken = [(FIELDS[key.replace(".", "__")], values[key.replace(".", "__")]) for key in list(changes)[:3]]
+    shown = ", ".join(f"{f.label.lower()} {'rigid' if math.isinf(v) else f'{v:.4g} {f.unit}'.strip()}" for f, v in taken)
     return f"own design ({shown}{', …' if len(changes) > 3 else ''})"
 
 

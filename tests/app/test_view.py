@@ -39,7 +39,7 @@ def test_a_copied_address_opens_the_same_view():
     assert at.query_params == {"rotor_mass": "7.25", "bearing.clearance": "3e-05"}
     copy = opened(**at.query_params)
     assert copy.number_input(key="rotor_mass").value == 7.25
-    assert [t.value for t in copy.text] == ["own design (clearance 3e-05)", "3e-05"]
+    assert [t.value for t in copy.text] == ["own design (radial clearance 30 µm)", "3e-05"]
     assert not copy.error
 
 

@@ -1,20 +1,25 @@
 """Bifurcation sweeps: shapes, hysteresis bookkeeping, files, and the command."""
 
+import dataclasses
 import json
 
 import numpy as np
 import pytest
 
-from spab_core import Settings, solve_point
+from spab_core import Settings, bifurcation, solve_point
 from spab_core.bifurcation import (
     SECTION_POINTS,
     chaotic_intervals,
     compute_bifurcation,
+    interval_table,
+    line_of_map,
+    line_table,
     load_bifurcation,
     save_bifurcation,
 )
 from spab_core.cli import main
-from spab_core.design import InputError
+from spab_core.design import Design, InputError
+from tests.unit.test_surrogates import map_of
 
 SHORT = Settings(mesh="3x24", transient=40, revolutions=60)
 LINE = np.array([5.0, 6.0, 7.0])
@@ -85,6 +90,64 @@ def test_command_writes_and_lists(capsys, tmp_path):
     answer = json.loads(capsys.readouterr().out)
     assert answer["points"] == 2 and answer["chaotic_intervals"] == {"cold": [], "down": []}
     assert list(load_bifurcation(tmp_path / "c.npz").branches) == ["cold", "down"]
+    assert [p.name for p in tmp_path.iterdir()] == ["c.npz"]
+
+
+def test_a_stopped_command_goes_on_from_its_pieces(capsys, tmp_path, monkeypatch):
+    line = ["--range", "5.5:6.5:7", "--sweeps", "up,cold"]
+    assert main([*COMMAND, *line, "--out", str(tmp_path / "whole.npz")]) == 0
+    real, calls = bifurcation._solve_piece, []
+
+    def stopped_in_the_third(*arguments):
+        calls.append(arguments)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return real(*arguments)
+
+    monkeypatch.setattr(bifurcation, "_solve_piece", stopped_in_the_third)
+    with pytest.raises(SystemExit) as stop:
+        main([*COMMAND, *line, "--out", str(tmp_path / "c.npz")])
+    assert stop.value.code == 130 and "goes on" in capsys.readouterr().err and not (tmp_path / "c.npz").exists()
+    pieces = sorted((tmp_path / "c.npz.parts").glob("chunk-*.npz"))
+    assert [p.name for p in pieces] == ["chunk-up-000000.npz", "chunk-up-000001.npz"]
+    assert main([*COMMAND, "--range", "5.5:6.5:8", "--out", str(tmp_path / "c.npz")]) == 2  # another line
+    assert "another run" in capsys.readouterr().err
+    pieces[1].write_bytes(b"damaged")
+    assert main([*COMMAND, *line, "--out", str(tmp_path / "c.npz")]) == 2
+    assert "damaged" in capsys.readouterr().err
+    pieces[1].unlink()
+    del calls[:]
+    calls += [()] * 3
+    assert main([*COMMAND, *line, "--out", str(tmp_path / "c.npz")]) == 0
+    assert len(calls) == 3 + 3 and not (tmp_path / "c.npz.parts").exists()  # of four pieces one was kept
+    first, second = (load_bifurcation(tmp_path / f"{name}.npz") for name in ("whole", "c"))
+    for sweep, branch in first.branches.items():
+        assert np.array_equal(branch.mle, second.branches[sweep].mle)
+        assert np.array_equal(branch.section, second.branches[sweep].section)
+
+
+def test_tables_of_a_line(result):
+    table = line_table(result)
+    assert len(table) == 9 and list(table["sweep"].unique()) == ["cold", "up", "down"]
+    assert table["bearing_number"].eq(6.0).all() and list(table["rotor_mass_kg"][:3]) == list(LINE)
+    assert np.array_equal(table["mle"][3:6], result.branches["up"].mle)
+    regime = np.array(["chaotic", "chaotic", "periodic"])
+    made_up = dataclasses.replace(result, vary="bearing-number", branches={
+        name: dataclasses.replace(branch, regime=regime if name != "up" else regime[::-1]) for name, branch in
+        result.branches.items()})
+    found = interval_table(made_up, ["cold", "up"])
+    assert found[["sweep", "first", "last"]].values.tolist() == [["cold", 5.0, 6.0], ["up", 6.0, 7.0]]
+    rpm = Design.from_dict(result.metadata["design"]).speed_rpm(5.0)
+    assert found["first_rpm"][0] == pytest.approx(rpm) and len(interval_table(result, [])) == 0
+
+
+def test_a_line_of_a_map_is_its_nearest_row_or_column():
+    m = map_of(lambda number, mass: 0.2 * number - 0.05 * mass)
+    for vary, at, values, mle in (("rotor-mass", m.bearing_number[3] + 1e-6, m.rotor_mass, m.mle[3]),
+                                  ("bearing-number", m.rotor_mass[2] - 1e-6, m.bearing_number, m.mle[:, 2])):
+        line = line_of_map(m, vary, at)
+        assert line.at == pytest.approx(at, abs=1e-5) and np.array_equal(line.values, values)
+        assert np.array_equal(line.branches["cold"].mle, mle) and np.isnan(line.branches["cold"].section).all()
 
 
 @pytest.mark.parametrize("change, words", [

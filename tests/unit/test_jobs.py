@@ -12,6 +12,7 @@ import pytest
 
 from spab_core import jobs
 from spab_core.bifurcation import compute_bifurcation, load_bifurcation
+from spab_core.cli import main
 from spab_core.design import InputError
 from spab_core.job_kinds import KINDS
 from spab_core.jobs import JobError, cancel, delete, find, job_id, list_jobs, submit
@@ -22,7 +23,7 @@ from spab_core.stability_map import axis
 
 TINY = {"mesh": "2x16", "transient": 20, "revolutions": 20}
 LINE = {"vary": "rotor-mass", "at": 3.0, "range": "4:6:3", "sweeps": ["cold"], "settings": TINY}
-LONG = LINE | {"range": "4:9:400", "settings": TINY | {"transient": 200, "early_stop": False}}
+LONG = LINE | {"range": "4:9:300", "settings": TINY | {"transient": 600, "early_stop": False}}
 
 
 @pytest.fixture
@@ -86,25 +87,33 @@ def test_a_line_is_computed_once_and_found_again(root, design):
     assert find(job.id) is None and list_jobs() == [] and not done.folder.exists()
 
 
-def test_cancelled_it_stops_with_its_children_and_goes_on_to_the_same_bits(root, design):
-    short = LONG | {"range": "4:9:40", "sweeps": ["up", "cold"]}
-    job = submit("bifurcation", short)
-    until(job.id, lambda j: j.state == "running" and j.done >= 10)
-    other = submit("bifurcation", LINE)  # waits for its turn
+def test_one_runs_the_others_wait_and_a_cancel_stops_all_its_processes(root):
+    job = submit("bifurcation", LONG)
+    until(job.id, lambda j: j.state == "running" and j.total)
+    other = submit("bifurcation", LINE)
     waiting = until(other.id, lambda j: j.message)
     assert waiting.state == "queued" and "another job" in waiting.message
     with pytest.raises(JobError, match="at work"):
         delete(other.id)
+    until(job.id, lambda j: j.done)
     pids = [worker_of(find(name)) for name in (job.id, other.id)]
     assert len(group(pids[0])) > 1  # its own processes
     assert cancel(other.id).state == "cancelled"
     stopped = cancel(job.id)
-    assert stopped.state == "cancelled" and stopped.finished and 10 <= stopped.done < 80
-    end = time.monotonic() + 10
+    assert stopped.state == "cancelled" and stopped.finished and 0 < stopped.done < stopped.total == 400
+    end = time.monotonic() + 30
     while any(group(pid) for pid in pids):
         assert time.monotonic() < end
         time.sleep(0.05)
     assert dataclasses.replace(cancel(job.id), size=stopped.size) == stopped  # nothing more to stop
+
+
+def test_cancelled_then_killed_it_goes_on_to_the_same_bits(root, design):
+    short = LONG | {"range": "4:9:30", "sweeps": ["up", "cold"]}
+    job = submit("bifurcation", short)
+    until(job.id, lambda j: j.done >= 10)
+    stopped = cancel(job.id)
+    assert stopped.state == "cancelled" and 10 <= stopped.done < 60
     kept = len(list((stopped.folder / "parts").glob("chunk-*.npz")))
     assert kept >= 2
     again = submit("bifurcation", short)
@@ -116,9 +125,9 @@ def test_cancelled_it_stops_with_its_children_and_goes_on_to_the_same_bits(root,
     assert killed.state == "failed" and "start it again" in killed.message
     submit("bifurcation", short)
     done = until(job.id, lambda j: not j.active)
-    assert done.state == "done" and done.done == done.total == 80
+    assert done.state == "done" and done.done == done.total == 60
     result, direct = load_bifurcation(done.result), compute_bifurcation(
-        design, "rotor-mass", 3.0, axis("4:9:40", "x"), Settings(**short["settings"]), sweeps=["up", "cold"])
+        design, "rotor-mass", 3.0, axis("4:9:30", "x"), Settings(**short["settings"]), sweeps=["up", "cold"])
     for name, branch in direct.branches.items():
         for f in dataclasses.fields(branch):
             assert np.array_equal(getattr(result.branches[name], f.name), getattr(branch, f.name), equal_nan=f.name in (
@@ -249,6 +258,23 @@ def test_a_folder_that_others_can_enter_is_refused(tmp_path, monkeypatch):
     monkeypatch.delenv("SPAB_JOBS")
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     assert jobs.jobs_folder() == tmp_path / "data" / "spab" / "jobs"
+
+
+def test_the_command_lists_cancels_and_deletes(root, capsys):
+    def said(*arguments, code=0):
+        assert main(["jobs", *arguments]) == code
+        told = capsys.readouterr()
+        return told.out if code == 0 else told.err
+
+    assert said("list") == "no jobs\n" and json.loads(said("list", "--json")) == {"jobs": []}
+    job = submit("bifurcation", LONG)
+    until(job.id, lambda j: j.total)
+    assert said("delete", job.id, code=2).startswith("spab jobs: ") and find(job.id)
+    assert json.loads(said("list", "--json"))["jobs"][0]["state"] == "running"
+    assert json.loads(said("cancel", job.id, "--json"))["state"] == "cancelled"
+    assert "cancelled" in said("list") and "of 400" in said("list")
+    assert said("delete", job.id) == f"{job.id}: deleted\n" and not list_jobs()
+    assert "no job's id" in said("cancel", "../x", code=2) and "there is no job" in said("delete", job.id, code=2)
 
 
 def test_equal_requests_are_one():

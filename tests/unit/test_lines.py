@@ -6,7 +6,7 @@ import pytest
 from spab_core import Settings, reference_design, solve_point
 from spab_core.artifacts import ARTIFACTS, BIFURCATIONS, load_reference_bifurcation
 from spab_core.bifurcation import SWEEPS
-from spab_core.figures import bifurcation_figure
+from spab_core.figures_lines import bifurcation_figure
 
 
 @pytest.fixture(scope="module", params=BIFURCATIONS)
@@ -41,8 +41,9 @@ def test_points_of_a_line_come_out_of_this_solver(line):
 
 @pytest.mark.parametrize("coordinate", ["X2", "Y2", "X1", "Y1"])
 def test_diagrams_are_drawn(line, coordinate):
-    figure = bifurcation_figure(line, coordinate)
+    figure = bifurcation_figure(line, [coordinate])
     sections = [t for t in figure.data if t.type == "scattergl"]
     assert len(sections) == len(SWEEPS) and all(len(t.x) > len(line.values) for t in sections)
-    assert coordinate in figure.layout.yaxis.title.text and figure.layout.xaxis2.title.text
+    symbol = coordinate.replace("1", "₁").replace("2", "₂")
+    assert figure.layout.yaxis.title.text.startswith(f"{symbol} / C") and figure.layout.xaxis2.title.text
     assert all(np.isfinite(np.asarray(t.y, float)).all() for t in sections)

@@ -8,7 +8,17 @@ from hypothesis import strategies as st
 
 from spab_core.design import InputError
 from spab_core.simulate import Settings
-from spab_core.what_if import REACH, Margin, is_stable, machine_margin, regime_intervals, sensitivity, variations
+from spab_core.what_if import (
+    REACH,
+    Margin,
+    is_stable,
+    load_sensitivity,
+    machine_margin,
+    regime_intervals,
+    save_sensitivity,
+    sensitivity,
+    variations,
+)
 
 QUICK = Settings("2x16", transient=60, revolutions=40)
 
@@ -31,13 +41,16 @@ def test_distance_tells_the_side_and_bounds_what_was_not_found():
     assert Margin("mass", True, 10.0, nan, nan, 5.0, 20.0).distance == pytest.approx(0.5)
 
 
-def test_sensitivity_is_the_difference_of_margins(design):
+def test_sensitivity_is_the_difference_of_margins(design, tmp_path):
     speed = design.speed_rpm(3.0)
     base, table = sensitivity(design, 8.0, speed, "mass", QUICK, step=0.2, scan=3)
     assert len(table) == len(variations(design, 0.2)) == 8
     row = table[(table["value"] == "clearance") & (table["factor"] == 0.8)].iloc[0]
     own = machine_margin(design.replace(bearing__clearance=0.8 * design.bearing.clearance), 8.0, speed, "mass", QUICK, scan=3)
     assert row["distance"] == own.distance and row["change"] == pytest.approx(own.distance - base.distance)
+    save_sensitivity(base, table, tmp_path / "kept.json")
+    again, rows = load_sensitivity(tmp_path / "kept.json")
+    assert repr(again) == repr(base) and rows.equals(table)
     largest = table.groupby("value", sort=False)["change"].apply(lambda c: c.abs().max())
     assert list(largest) == sorted(largest, reverse=True)
 
@@ -49,7 +62,8 @@ def test_what_is_nought_or_infinite_is_left_out(design):
 
 @pytest.mark.parametrize(("change", "words"), [
     ({"axis": "time"}, "axis = 'time' is not allowed: choose speed or mass"), ({"step": 2.0}, "step = 2 is out of range"),
-    ({"speed_rpm": -1.0}, "bearing number"), ({"rotor_mass": 0.0}, "rotor mass = 0 kg is out of range")])
+    ({"speed_rpm": -1.0}, "speed = -1 rpm is out of range: allowed is from 29"),
+    ({"rotor_mass": 0.0}, "rotor mass = 0 kg is out of range")])
 def test_wrong_input_is_a_sentence(design, change, words):
     with pytest.raises(InputError, match=words):
         sensitivity(**{"design": design, "rotor_mass": 5.0, "speed_rpm": 9000.0, "settings": QUICK} | change)

@@ -1,0 +1,89 @@
+"""Bifurcation diagrams: section and exponent along a line, the paper's two from the shipped data, any other computed live."""
+
+import streamlit as st
+
+from spab_core.artifacts import ARTIFACTS, BIFURCATIONS
+from spab_core.bifurcation import SWEEPS, line_of_map
+from spab_core.figures_lines import COORDINATES
+from spab_core.integrate import METHODS
+from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, Settings
+from spab_core.ui.jobs import job_panel
+from spab_core.ui.lines import done_with_more, line_command, line_of_job, line_view, shipped_line
+from spab_core.ui.shared import errors_in_words, page_head, reference_map
+from spab_core.ui.view import LINES, VIEW, chosen_design, design_option, design_words, is_reference
+
+page_head("bifurcation")
+state = st.session_state
+POINT = ("rotor_mass", "bearing_number")
+if state["line"] == "paper" and not state.get("line_chosen") and (
+        not is_reference() or any(state[key] != VIEW[key].default for key in POINT)):
+    state["line"] = "rotor-mass"  # who comes with a point of their own wants the line through it
+
+
+def _chosen():
+    state["line_chosen"] = True
+
+
+st.markdown("#### Bifurcation diagrams")
+a, b, c = st.columns([2.6, 1.2, 1.2], vertical_alignment="bottom")
+kind = a.segmented_control("Line", LINES, key="line", on_change=_chosen, format_func={
+    "paper": "The paper's two lines", "rotor-mass": "Over mass, through my point",
+    "bearing-number": "Over Λ, through my point"}.get) or LINES[0]
+coordinates = b.pills("Coordinates, over C", COORDINATES, selection_mode="multi", key="coordinates",
+                      help="X₂, Y₂: journal; X₁, Y₁: disc; at τ = 2πk") or VIEW["coordinates"].default
+sweeps = c.pills("Sweeps", SWEEPS, selection_mode="multi", key="sweeps",
+                 help="cold: every point from rest; up, down: each point from where its neighbour ended, which shows motions "
+                      "that exist side by side") or VIEW["sweeps"].default
+coordinates, sweeps = [k for k in COORDINATES if k in coordinates], [k for k in SWEEPS if k in sweeps]
+mass, number = state["rotor_mass"], state["bearing_number"]
+
+if kind == "paper":
+    for column, name in zip(st.columns(2, gap="medium"), BIFURCATIONS, strict=True):
+        with column, errors_in_words():
+            line = shipped_line(name)
+            over_mass = line.vary == "rotor-mass"
+            other, value = (number, mass) if over_mass else (mass, number)
+            title = f"Over rotor mass at Λ = {line.at:g}" if over_mass else f"Over bearing number at {line.at:g} kg"
+            line_view(line, coordinates, sweeps, value if is_reference() and other == line.at else None, title,
+                      name=f"bifurcation_{line.vary}", file=ARTIFACTS / name, command=line_command(line, sweeps), height=480)
+    st.caption(f"Reference bearing, {line.metadata['mesh']} film nodes, {line.metadata['transient']} + "
+               f"{line.metadata['revolutions']} revolutions a point, shipped with spab.")
+    st.stop()
+
+over_mass = kind == "rotor-mass"
+along, limits, unit = ("mass", ROTOR_MASS_RANGE, "kg") if over_mass else ("number", BEARING_NUMBER_RANGE, "Λ")
+row = st.container(horizontal=True, vertical_alignment="bottom")
+number = row.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, key="bearing_number", step=0.05, format="%.3f",
+                          help="Of the chosen point, the same on every page", width=160)
+mass = row.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%.3f",
+                        help="Of the chosen point, on one bearing", width=160)
+start = row.number_input(f"From, {unit}", *limits, key=f"{along}_from", step=0.1, format="%.3f", width=160)
+stop = row.number_input(f"To, {unit}", *limits, key=f"{along}_to", step=0.1, format="%.3f", width=160)
+count = row.number_input("Points", 2, 2000, key="points", step=10, width=160)
+with row.popover("Solver"):
+    st.selectbox("Time integrator", METHODS, key="method", help="dtm: the paper's differential transformation, slower")
+    st.text_input("Film mesh, latitudes x azimuths", key="mesh", max_chars=20)
+    st.number_input("Revolutions before the measurement", 0, 5000, key="transient", step=50)
+    st.number_input("Revolutions measured", 20, 5000, key="revolutions", step=50)
+
+at, value = (number, mass) if over_mass else (mass, number)
+with errors_in_words():
+    settings = Settings(mesh=state["mesh"], method=state["method"], scheme=state["scheme"], transient=int(state["transient"]),
+                        revolutions=int(state["revolutions"]))
+    parameters = {"design": chosen_design().to_dict(), "vary": kind, "at": at, "range": f"{start!r}:{stop!r}:{int(count)}",
+                  "sweeps": sweeps, "settings": settings.to_dict()}
+    job = done_with_more("bifurcation", parameters)
+job = job or job_panel("bifurcation", parameters, f"Compute {int(count) * len(sweeps):,} points", "line_job")
+title = (f"Over rotor mass at Λ = {at:.4g} ({chosen_design().speed_rpm(at):,.0f} rpm)" if over_mass
+         else f"Over bearing number at {at:.4g} kg")
+with errors_in_words():
+    if job:
+        line = line_of_job(job)
+        line_view(line, coordinates, sweeps, value, f"{title}, {design_words()}", name="bifurcation", file=job.result,
+                  command=line_command(line, sweeps, design_option()), height=600, beside=True)
+    elif is_reference():
+        line = line_of_map(reference_map(), kind, at)
+        line_view(line, (), ["cold"], value, f"{title}: exponent, as the shipped map has it", name="preview", file=None,
+                  command=line_command(line, ["cold"]), height=380, beside=True)
+        st.caption(f"The map's cells at {'Λ = ' if over_mass else ''}{line.at:.4g}{'' if over_mass else ' kg'}, the nearest. "
+                   "The section and the other sweeps have to be computed.")

@@ -1,0 +1,241 @@
+"""Operating points on pages: solved live or as a job, their verdict, the controls of design and solver."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import plotly.graph_objects as go
+import streamlit as st
+
+from spab_core import figures_point as draw
+from spab_core.cost import expected_seconds
+from spab_core.design import Design, InputError, reference_design
+from spab_core.film import DEFAULT_MESH, SCHEMES
+from spab_core.form import FIELDS, GROUPS, from_form, to_form
+from spab_core.integrate import METHODS
+from spab_core.point import OperatingPoint
+from spab_core.point_file import load_point, point_arrays
+from spab_core.revolution import Revolution, forces, integrate_revolution, run_up
+from spab_core.simulate import Settings, path_angle
+from spab_core.spectrum import spectrum
+from spab_core.stability_map import npz_bytes
+from spab_core.ui.jobs import job_panel
+from spab_core.ui.shared import LIVE_PATHS, live_point
+from spab_core.ui.view import chosen_design, set_design
+
+LIVE_SECONDS = 2.0  # what is expected to take longer runs as a job
+MESHES = (str(DEFAULT_MESH), "2x16", "3x24", "4x32", "4x96", "6x64", "8x128")
+COORDINATES = ("X2", "Y2", "X1", "Y1")  # the rotor state's first four
+_RUN_UP = 60  # revolutions
+
+
+def chosen_settings() -> Settings:
+    """Method, mesh and length that the user has chosen. Raises ``InputError``."""
+    state = st.session_state
+    return Settings(state["mesh"], state["method"], int(state["transient"]), int(state["revolutions"]), scheme=state["scheme"])
+
+
+def duration(seconds: float) -> str:
+    """Such as "12 s" or "3 min"."""
+    if seconds < 1.0:
+        return "under a second"
+    return f"{seconds:.0f} s" if seconds < 90.0 else f"{seconds / 60.0:.0f} min"
+
+
+def solved_point(design: Design, rotor_mass: float, bearing_number: float, settings: Settings,
+                 key: str) -> OperatingPoint | None:
+    """The point solved now, or by a job with progress where that is expected to take over two seconds.
+
+    Returns
+    -------
+    OperatingPoint or None
+        None as long as the job is not done; its panel is on the page. Raises ``InputError``.
+    """
+    seconds = expected_seconds(settings, bearing_number)
+    if seconds <= LIVE_SECONDS:
+        return live_point(design, rotor_mass, bearing_number, settings)
+    job = job_panel("point", {"design": design.to_dict(), "rotor_mass": rotor_mass, "bearing_number": bearing_number,
+                              "settings": settings.to_dict(), "path_revolutions": LIVE_PATHS},
+                    f"Solve in the background (up to about {duration(seconds)})", key)
+    return _load(str(job.result), job.result.stat().st_mtime) if job else None
+
+
+@st.cache_resource(max_entries=16, show_spinner=False)
+def _load(path: str, stamp: float) -> OperatingPoint:
+    return load_point(Path(path))
+
+
+@st.cache_resource(max_entries=32, show_spinner=False)
+def _revolution(key: tuple, _point: OperatingPoint) -> Revolution:
+    return integrate_revolution(_point)
+
+
+@st.cache_resource(max_entries=32, show_spinner=False)
+def _run_up_path(key: tuple, _point: OperatingPoint) -> np.ndarray:
+    settings = _point.settings
+    revolutions = min(_RUN_UP, settings.transient + settings.revolutions)
+    return run_up(_point.design, _point.rotor_mass, _point.bearing_number, settings, revolutions)
+
+
+@st.cache_resource(max_entries=8, show_spinner=False)
+def _film(key: tuple, colour: str, _point: OperatingPoint) -> go.Figure:
+    return draw.film_figure(_revolution(key, _point), colour)
+
+
+def _key(p: OperatingPoint) -> tuple:
+    return p.design, p.rotor_mass, p.bearing_number, p.settings
+
+
+def revolution_of(point: OperatingPoint) -> Revolution:
+    """One more revolution of a completed point, with its film. Raises ``InputError``."""
+    return _revolution(_key(point), point)
+
+
+def run_up_of(point: OperatingPoint) -> np.ndarray:
+    """Rotor states of a point's first revolutions, (n, 8)."""
+    return _run_up_path(_key(point), point)
+
+
+def spectrum_of(point: OperatingPoint, names: tuple[str, ...] = ("X2", "Y2")) -> go.Figure:
+    """Spectra of the recorded coordinates."""
+    path = point.trajectory.path
+    states, samples = path.reshape(-1, 8), path.shape[1]
+    return draw.spectrum_figure({name: spectrum(states[:, COORDINATES.index(name)], samples) for name in names},
+                                point.design.bearing.clearance)
+
+
+def film_of(point: OperatingPoint, colour: str = draw.QUANTITIES[0]) -> go.Figure:
+    """The film on the sphere, over one revolution."""
+    return _film(_key(point), colour, point)
+
+
+def figures_of(point: OperatingPoint) -> dict:
+    """Every figure of a point, as functions by title; those of a failed run are fewer."""
+    if point.mle is None:
+        return {"Orbits": lambda: draw.orbit_figure(point, run_up_of(point))}
+    return {
+        "Orbits": lambda: draw.orbit_figure(point, run_up_of(point)),
+        "Journal": lambda: draw.body_figure(point, "journal", run_up_of(point)),
+        "Disc": lambda: draw.body_figure(point, "disc", run_up_of(point)),
+        "Section": partial(draw.section_figure, point),
+        "Spectrum": lambda: spectrum_of(point, COORDINATES),
+        "Signals": partial(draw.signals_figure, point),
+        "Film": partial(film_of, point),
+        "Forces": lambda: draw.forces_figure(revolution_of(point)),
+        "Exponent": partial(draw.exponent_figure, point),
+    }
+
+
+def orbit_table(point: OperatingPoint) -> pd.DataFrame:
+    """The recorded orbit, a row a sample; the columns are those of ``spab simulate --orbit``."""
+    names = ["X2", "Y2", "X1", "Y1", "X2_dot", "Y2_dot", "X1_dot", "Y1_dot"]
+    table = pd.DataFrame(point.trajectory.path.reshape(-1, 8), columns=names)
+    table.insert(0, "tau", path_angle(point.trajectory))
+    return table
+
+
+def point_npz(point: OperatingPoint) -> bytes:
+    """Everything as NPZ: what ``point_file.load_point`` reads, run-up, film and forces (N) of one more revolution."""
+    arrays = point_arrays(point) | {"run_up": run_up_of(point)}
+    if point.trajectory.status == "ok":
+        r = revolution_of(point)
+        arrays |= {"revolution_tau": r.tau, "revolution_states": r.states, "film_thickness": r.thickness,
+                   "film_pressure": r.pressure} | {f"force_{name}": values for name, values in forces(r).items()}
+    return npz_bytes(arrays)
+
+
+def simulate_command(design_option: str, point_options: str, settings: Settings) -> str:
+    """The command line that solves the same."""
+    return (f"spab simulate {point_options}{design_option} --mesh {settings.mesh} --method {settings.method} "
+            f"--scheme {settings.scheme} --transient {settings.transient} --revolutions {settings.revolutions} "
+            "--orbit orbit.csv")
+
+
+def verdict_panel(point: OperatingPoint) -> None:
+    """Verdict in a coloured box and the numbers under it."""
+    box = {"periodic": st.success, "quasi-periodic": st.warning}.get(point.regime.name if point.regime else "", st.error)
+    box(point.verdict())
+    if not point.mle:
+        return
+    spread, least = point.mle.standard_error, 1.0 - point.max_eccentricity
+    values = (
+        ("MLE per revolution", f"{point.mle.value:+.3f}", "Maximum Lyapunov exponent per revolution, natural log: below zero "
+         "periodic, zero quasi-periodic, above zero chaotic"),
+        ("Standard error", f"± {spread:.3f}" if spread >= 0.0005 else "< 0.001", "Of the MLE, by batch means; on a settled "
+         "periodic orbit, the last change of its leading multiplier's rate"),
+        ("Max. eccentricity", f"{point.max_eccentricity:.3f}", "Largest of the journal, over the clearance C"),
+        ("Least film, µm", f"{1e6 * point.design.bearing.clearance * least:.1f}", "Clearance less the largest eccentricity"),
+        ("Time in contact", f"{100 * point.contact_share:.1f} %", "Share of the time, with a film under a tenth of C"),
+    )
+    with st.container(horizontal=True, horizontal_alignment="distribute"):
+        for label, value, text in values:
+            st.metric(label, value, help=text, width="content")
+
+
+def design_controls() -> None:
+    """Every value of the chosen design in drawing units, one number field each; a wrong one is said and not taken."""
+    design, state = chosen_design(), st.session_state
+    shown = to_form(design)
+    for name, value in shown.items():
+        state[f"form_{name}"] = FIELDS[name].high if math.isinf(value) else value
+    state["form_rigid"] = design.rigid
+    if complaint := state.pop("form_complaint", None):
+        st.error(complaint)
+    left, right = st.columns(2)
+    for group in GROUPS:
+        box = left if group in ("Bearing", "Gas") else right
+        box.markdown(f"**{group}**")
+        for name, f in FIELDS.items():
+            if f.group != group:
+                continue
+            scale = design.gas.ambient_pressure * 10.0**-f.power if f.over_ambient else 1.0
+            box.number_input(f.title, f.low * scale, f.high * scale, key=f"form_{name}", help=f.help, format="%.6g",
+                             step=_step(shown[name]), on_change=_design_changed, args=(name,),
+                             disabled=f.infinite and design.rigid)
+            if f.infinite:
+                box.checkbox("Rigid shaft", key="form_rigid", on_change=_rigid_changed)
+    st.button("Back to the reference bearing", on_click=set_design, args=(reference_design(),), key="form_reset")
+
+
+def _step(value: float) -> float:
+    """A step of the size of a twentieth of a value, a power of ten."""
+    return 10.0 ** math.floor(math.log10(abs(value)) - 1.0) if value and math.isfinite(value) else 0.1
+
+
+def _design_changed(name: str) -> None:
+    value = st.session_state[f"form_{name}"]
+    if value is None:
+        return  # emptied: the value stays
+    try:
+        base = chosen_design()
+        set_design(from_form(to_form(base) | {name: float(value)}, base))
+    except InputError as error:
+        st.session_state["form_complaint"] = f"{error}. The value is left as it was."
+
+
+def _rigid_changed() -> None:
+    stiffness = math.inf if st.session_state["form_rigid"] else reference_design().rotor.shaft_stiffness
+    set_design(chosen_design().replace(rotor__shaft_stiffness=stiffness))
+
+
+def solver_controls() -> None:
+    """Method, mesh, scheme and length, with a sentence on what they cost."""
+    state = st.session_state
+    st.segmented_control("Method", METHODS, key="method", help="rodas: implicit, order 4, long steps. dtm: the paper's "
+                         "differential transformation, explicit, its steps limited by stability", required=True)
+    known = MESHES if state["mesh"] in MESHES else (*MESHES, state["mesh"])
+    st.selectbox("Mesh", known, key="mesh", accept_new_options=True,
+                 help="Latitudes x azimuths of the half band; or type your own, from 2x16 to 8x256")
+    st.segmented_control("Film differences", SCHEMES, key="scheme", required=True,
+                         help="fitted: exact for the first harmonic around. plain: central differences")
+    one, two = st.columns(2)
+    one.number_input("Transient, revolutions", 0, 5000, key="transient", step=50)
+    two.number_input("Measured, revolutions", 20, 5000, key="revolutions", step=50)
+    seconds = expected_seconds(chosen_settings(), float(state["bearing_number"]))
+    where = "it is solved while you wait" if seconds <= LIVE_SECONDS else "it runs in the background, with progress and cancel"
+    st.caption(f"At most about {duration(seconds)} on this mesh: {where}. The cost grows with revolutions and azimuths; more "
+               "than 4 latitudes cost about four times as much, dtm some hundred times.")

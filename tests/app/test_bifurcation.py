@@ -1,0 +1,187 @@
+"""The page "Bifurcation" without a browser: shipped lines at once, every control at its ends, a live line by a real job."""
+
+import json
+import time
+
+import pytest
+import streamlit as st
+from streamlit.testing.v1 import AppTest
+
+from spab_core import artifacts
+from spab_core.bifurcation import SWEEPS, load_bifurcation
+from spab_core.figures_lines import COORDINATES, SWEEP_COLOURS
+from spab_core.jobs import cancel, list_jobs
+from spab_core.ui import lines
+from tests.conftest import ROOT
+
+PAGE = str(next((ROOT / "pages").glob("*_Bifurcation.py")))
+TINY = {"line": "rotor-mass", "mesh": "2x16", "transient": "20", "revolutions": "20", "points": "3",
+        "mass_from": "4", "mass_to": "6"}
+
+
+@pytest.fixture(autouse=True)
+def own_jobs(tmp_path, monkeypatch):
+    monkeypatch.setenv("SPAB_JOBS", str(tmp_path / "jobs"))
+    st.cache_resource.clear()
+    yield
+    for job in list_jobs():
+        if job.active:
+            cancel(job.id)
+
+
+def opened(**address):
+    at = AppTest.from_file(PAGE, default_timeout=120)
+    for key, value in address.items():
+        at.query_params[key] = value
+    return at.run()
+
+
+def figures(at):
+    return [json.loads(chart.proto.spec) for chart in at.get("plotly_chart")]
+
+
+def panels(figure):
+    """Titles of the vertical axes."""
+    return [figure["layout"][key]["title"]["text"] for key in sorted(figure["layout"]) if key.startswith("yaxis")]
+
+
+def words(at):
+    return " ".join(x.value for kind in ("markdown", "caption", "success", "warning", "error") for x in at.get(kind))
+
+
+def until_done(at, seconds=120):
+    end = time.monotonic() + seconds
+    while any(job.active for job in list_jobs()):
+        assert time.monotonic() < end
+        time.sleep(0.1)
+    return at.run()
+
+
+def test_the_papers_lines_open_at_once():
+    at = opened()
+    assert not at.exception and not at.error
+    over_mass, over_number = figures(at)
+    for figure in (over_mass, over_number):
+        assert panels(figure) == ["X₂ / C (journal)", "Y₂ / C (journal)", "MLE<br>per revolution"]
+        assert {"rect", "line"} <= {shape["type"] for shape in figure["layout"]["shapes"]}
+    assert over_mass["layout"]["xaxis3"]["title"]["text"] == "Rotor mass on one bearing, kg"
+    assert over_number["layout"]["xaxis3"]["title"]["text"] == "Bearing number Λ"
+    assert "rpm" in over_number["layout"]["xaxis99"]["title"]["text"]
+    mass_table, number_table = (table.value for table in at.dataframe)
+    assert list(mass_table) == ["first", "last"] and mass_table["last"].max() == 25.0
+    assert list(number_table) == ["first", "last", "first_rpm", "last_rpm"] and (number_table["first_rpm"] > 7000).all()
+    assert any("--vary rotor-mass --at 3.45 --range 0.1:25:500 --sweeps cold" in code.value for code in at.code)
+    assert list_jobs() == []
+
+
+def test_every_sweep_and_coordinate_alone_all_and_none():
+    at = opened()
+    for chosen in (*([k] for k in COORDINATES), list(COORDINATES), []):
+        at.button_group(key="coordinates").set_value(chosen).run()
+        assert not at.exception and not at.error
+        titles = [title[0] + {"₁": "1", "₂": "2"}[title[1]] for title in panels(figures(at)[0])[:-1]]
+        assert titles == (chosen or ["X2", "Y2"])
+    for chosen in (*([k] for k in SWEEPS), list(SWEEPS), []):
+        at.button_group(key="sweeps").set_value(chosen).run()
+        assert not at.exception and not at.error
+        colours = {t["marker"]["color"] for t in figures(at)[0]["data"] if t["type"] == "scattergl"}
+        assert colours == {SWEEP_COLOURS[k] for k in chosen or ["cold"]}
+
+
+def test_who_has_a_point_of_their_own_sees_the_line_through_it():
+    at = opened(rotor_mass="18", bearing_number="4.5")
+    assert not at.exception and not at.error
+    (figure,) = figures(at)  # the exponent, as the map has it
+    assert any(shape["type"] == "line" and shape["x0"] == 18.0 for shape in figure["layout"]["shapes"])
+    assert "Λ = 4.5" in words(at) and at.button(key="line_job_start").label == "Compute 200 points"
+    at.button_group(key="line").set_value("paper").run()
+    assert len(figures(at)) == 2  # and may still look at the paper's
+    at.button_group(key="line").set_value("bearing-number").run()
+    assert "at 18 kg" in words(at) and len(figures(at)) == 1
+
+
+def test_a_design_of_their_own_has_no_map_to_look_at():
+    at = opened(**{"bearing.clearance": "3e-05"})
+    assert not at.exception and not at.error
+    assert not figures(at) and at.button(key="line_job_start")
+    at.button_group(key="line").set_value("paper").run()
+    assert len(figures(at)) == 2  # of the reference bearing: their point is none of it
+    shapes = [shape for figure in figures(at) for shape in figure["layout"]["shapes"]]
+    assert not any(shape["type"] == "line" and shape["x0"] in (4.52, 3.45) for shape in shapes)
+
+
+@pytest.mark.parametrize("line, along", [("rotor-mass", "mass"), ("bearing-number", "number")])
+def test_every_control_at_its_ends(line, along):
+    at = opened(line=line)
+    for key in ("bearing_number", "rotor_mass", f"{along}_from", f"{along}_to", "points", "transient", "revolutions"):
+        widget = at.number_input(key=key)
+        usual = widget.value
+        for end in (widget.min, widget.max):
+            at.number_input(key=key).set_value(end).run()
+            assert not at.exception
+            upside_down = at.number_input(key=f"{along}_from").value >= at.number_input(key=f"{along}_to").value
+            assert bool(at.error) == upside_down, (key, end)
+            assert not at.error or "start before stop" in at.error[0].value
+        at.number_input(key=key).set_value(usual).run()
+    at.selectbox(key="method").set_value("dtm").run()
+    assert not at.exception and not at.error
+
+
+@pytest.mark.parametrize("mesh", ["", "4", "4x", "x", "1x16", "4x4800", "four by eight"])
+def test_a_wrong_mesh_is_a_sentence(mesh):
+    at = opened(line="rotor-mass")
+    at.text_input(key="mesh").set_value(mesh).run()
+    assert not at.exception and len(at.error) == 1 and "mesh" in at.error[0].value
+
+
+def test_a_live_line_is_computed_once():
+    at = opened(**TINY)
+    assert at.button(key="line_job_start").label == "Compute 3 points"
+    at.button(key="line_job_start").click().run()
+    assert not at.exception and not at.error and at.button(key="line_job_cancel")
+    assert len(list_jobs()) == 1
+    again = opened(**TINY)  # a reload meets the same job
+    assert len(list_jobs()) == 1
+    for page in (until_done(at), again.run()):
+        assert not page.exception and not page.error
+        (figure,) = figures(page)
+        assert panels(figure)[0] == "X₂ / C (journal)" and len(page.dataframe) + len(page.success) == 1
+    (job,) = list_jobs()
+    assert job.state == "done" and list(load_bifurcation(job.result).values) == [4.0, 5.0, 6.0]
+    assert any("--mesh 2x16" in code.value and "--range 4:6:3" in code.value for code in at.code)
+
+
+def test_a_line_with_more_sweeps_serves_those_with_fewer():
+    at = opened(**TINY, sweeps="cold,down")
+    at.button(key="line_job_start").click().run()
+    until_done(at)
+    at.button_group(key="sweeps").set_value(["down"]).run()
+    assert not at.exception and len(figures(at)) == 1 and len(list_jobs()) == 1
+    assert {t["marker"]["color"] for t in figures(at)[0]["data"] if t["type"] == "scattergl"} == {SWEEP_COLOURS["down"]}
+    at.button_group(key="sweeps").set_value(["up"]).run()
+    assert at.button(key="line_job_start")
+
+
+def test_cancelled_is_shown_as_cancelled_and_goes_on():
+    at = opened(**TINY | {"points": "300", "transient": "400"})
+    at.button(key="line_job_start").click().run()
+    at.button(key="line_job_cancel").click().run()
+    assert not at.exception and [job.state for job in list_jobs()] == ["cancelled"]
+    assert "Cancelled" in at.warning[0].value and at.button(key="line_job_start").label == "Go on"
+    at.button(key="line_job_start").click().run()
+    assert [job.active for job in list_jobs()] == [True] and not at.warning
+
+
+def test_a_damaged_result_and_missing_files_are_sentences(tmp_path, monkeypatch):
+    at = opened(**TINY)
+    at.button(key="line_job_start").click().run()
+    until_done(at)
+    (job,) = list_jobs()
+    job.result.write_bytes(b"none")
+    st.cache_resource.clear()
+    at.run()
+    assert not at.exception and "cannot read" in at.error[0].value
+    monkeypatch.setattr(lines, "ARTIFACTS", tmp_path)
+    monkeypatch.setattr(artifacts.checked_path, "__defaults__", (tmp_path,))
+    at = opened()
+    assert not at.exception and len(at.error) == 1

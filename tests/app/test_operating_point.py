@@ -1,0 +1,207 @@
+"""The page "Operating point" without a browser: controls at their ends, wrong values, comparison, every tab, failed points."""
+
+import base64
+import json
+import math
+
+import numpy as np
+import pytest
+import streamlit as st
+from streamlit.testing.v1 import AppTest
+
+from spab_core import solve_point
+from spab_core.cost import expected_seconds
+from spab_core.form import FIELDS
+from spab_core.point_file import load_point
+from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, Settings
+from spab_core.ui import point as ui
+from spab_core.ui.view import POINT_TABS
+from tests.conftest import ROOT
+
+PAGE = str(next((ROOT / "pages").glob("*_Operating_point.py")))
+COARSE = {"mesh": "2x16", "transient": 20, "revolutions": 20}
+
+
+@pytest.fixture(autouse=True)
+def _fresh(monkeypatch, tmp_path):
+    st.cache_resource.clear()
+    monkeypatch.setenv("SPAB_JOBS", str(tmp_path / "jobs"))
+
+
+def page(**state):
+    at = AppTest.from_file(PAGE, default_timeout=240)
+    for name, value in (COARSE | state).items():
+        at.session_state[name] = value
+    return at.run()
+
+
+def verdicts(at):
+    return [box.value for kind in ("success", "warning", "error") for box in at.get(kind)]
+
+
+def figures(at):
+    return [json.loads(chart.proto.spec) for chart in at.get("plotly_chart")]
+
+
+def numbers(array):
+    """How many finite numbers an array of a figure has, binary or not."""
+    if isinstance(array, dict):
+        array = np.frombuffer(base64.b64decode(array["bdata"]), array["dtype"])
+    return int(np.isfinite(np.array([np.nan if v is None else v for v in array], float)).sum())
+
+
+@pytest.mark.parametrize("mass, number, name", [(18.0, 4.5, "Chaotic"), (20.0, 2.0, "Periodic")])
+def test_every_tab_of_a_chaotic_and_a_periodic_point(mass, number, name):
+    at = page(rotor_mass=mass, bearing_number=number, mesh="4x48", transient=200, revolutions=200)
+    assert not at.exception and len(verdicts(at)) == 1 and verdicts(at)[0].startswith(name)
+    assert len(at.metric) == 5 and "rpm" in at.markdown[0].value
+    count = {"Overview": 3, "Orbits": 2}
+    for tab in POINT_TABS:
+        at.session_state["tab"] = tab
+        at.run()
+        assert not at.exception and not [e for e in at.error if e.value != verdicts(at)[0]]
+        drawn = figures(at)
+        assert len(drawn) == count.get(tab, 1), tab
+        for figure in drawn:  # no plot is empty, every axis has a title
+            assert sum(numbers(t["y"]) for t in figure["data"]) > 20, tab
+            if tab != "Film 3-D":
+                titles = [a["title"]["text"] for k, a in figure["layout"].items() if k.startswith("yaxis")]
+                assert titles and all(titles)
+        assert any("revolutions from rest" in c.value for c in at.caption)
+
+
+def test_the_film_is_animated_and_honest_about_its_scale():
+    at = page(tab="Film 3-D")
+    pressure = figures(at)[0]
+    assert 2 < len(pressure["frames"]) <= 36
+    d = ui.reference_design().bearing
+    assert any(f"{0.25 * d.radius / d.clearance:,.0f} times wider" in c.value for c in at.caption)
+    at.button_group(key="film_colour").select("Film thickness").run()
+    assert not at.exception and figures(at)[0]["data"][0] != pressure["data"][0]
+
+
+@pytest.mark.parametrize("key, low, high", [("bearing_number", *BEARING_NUMBER_RANGE), ("rotor_mass", *ROTOR_MASS_RANGE)])
+def test_the_point_at_its_ends(key, low, high):
+    for value in (low, high):
+        at = page()
+        at.number_input(key=key).set_value(value).run()
+        assert not at.exception and len(verdicts(at)) == 1
+
+
+def test_every_design_value_at_its_ends():
+    """Either the design is taken, or a sentence says why not and the value stays."""
+    at = page()
+    for name in FIELDS:
+        for end in ("min", "max"):
+            box = at.number_input(key=f"form_{name}")
+            box.set_value(getattr(box, end)).run()
+            assert not at.exception, name
+            refused = any(e.value.endswith("left as it was.") for e in at.error)
+            assert refused != (name.replace("__", ".") in at.session_state["_design"]), name
+            at.button(key="form_reset").click().run()
+            assert at.session_state["_design"] == {}
+
+
+def test_a_wrong_design_is_said_and_not_taken():
+    at = page()
+    at.number_input(key="form_bearing__clearance").set_value(10_000.0).run()  # more than a twentieth of the radius
+    assert not at.exception and at.session_state["_design"] == {}
+    assert any("twentieth of the radius" in e.value and e.value.endswith("left as it was.") for e in at.error)
+    assert at.number_input(key="form_bearing__clearance").value == 35.0
+    at.run()
+    assert not any("twentieth" in e.value for e in at.error)  # said once
+
+
+def test_the_rigid_shaft():
+    at = page(rotor_mass=10.0, tab="Orbits")
+    at.checkbox(key="form_rigid").check().run()
+    assert not at.exception and math.isinf(at.session_state["_design"]["rotor.shaft_stiffness"])
+    assert at.number_input(key="form_rotor__shaft_stiffness").disabled and len(figures(at)) == 1
+    at.checkbox(key="form_rigid").uncheck().run()
+    assert not at.exception and at.session_state["_design"] == {} and len(figures(at)) == 2
+
+
+def test_comparison_with_the_reference():
+    at = page(rotor_mass=18.0, bearing_number=4.5)
+    assert at.toggle(key="compare").disabled
+    at.number_input(key="form_bearing__clearance").set_value(30.0).run()
+    before = at.metric[0].value
+    at.toggle(key="compare").set_value(True).run()
+    assert not at.exception and len(verdicts(at)) == 2 and len(at.metric) == 10 and at.metric[0].value == before
+    assert [at.metric[k].value for k in (0, 3)] != [at.metric[k].value for k in (5, 8)]
+    headings = [m.value for m in at.markdown if m.value.startswith("**") and "rpm" in m.value]
+    assert "Λ 4.500" in headings[0] and "Λ 4.500" in headings[1]
+    at.button_group(key="same").select("speed").run()
+    headings = [m.value for m in at.markdown if m.value.startswith("**") and "rpm" in m.value]
+    assert headings[0].split(", ")[-1] == headings[1].split(", ")[-1] and "Λ 4.500" not in headings[1]
+    for tab in POINT_TABS:
+        at.session_state["tab"] = tab
+        at.run()
+        assert not at.exception and len(figures(at)) == {"Overview": 6, "Orbits": 4}.get(tab, 2)
+
+
+def test_a_comparison_out_of_range_is_said_in_words():
+    at = page(compare=True, same="speed", bearing_number=50.0, _design={"bearing.clearance": 60e-6})
+    assert not at.exception and any("bearing number" in e.value and "out of range" in e.value for e in at.error)
+
+
+def test_a_failed_point_shows_its_run_up():
+    """Without asperities 25 kg touch the wall (tests/app/test_home.py)."""
+    at = page(rotor_mass=25.0, bearing_number=0.5, _design={"contact.force_at_closure": 0.0})
+    assert not at.exception and verdicts(at) == ["No exponent: the journal touched the wall."] and not at.metric
+    assert len(figures(at)) == 1 and any(numbers(t["x"]) > 20 for t in figures(at)[0]["data"] if t["name"] == "run-up")
+    for tab in POINT_TABS[1:]:
+        at.session_state["tab"] = tab
+        at.run()
+        assert not at.exception and not figures(at) and len(at.info) == 1
+
+
+@pytest.mark.parametrize("mesh", ["abc", "4x47", "9999x9999", ""])
+def test_a_wrong_mesh_is_said_in_words(mesh):
+    at = page(mesh=mesh)
+    assert not at.exception and any("mesh" in e.value for e in at.error) and not at.metric
+    at.session_state["mesh"] = "2x16"
+    at.run()
+    assert not at.exception and at.metric
+
+
+def test_solver_controls_at_their_ends():
+    at = page()
+    for key, low, high in (("transient", 0, 40), ("revolutions", 20, 60)):
+        for value in (low, high):
+            at.number_input(key=key).set_value(value).run()
+            assert not at.exception and len(verdicts(at)) == 1
+    at.button_group(key="scheme").select("plain").run()
+    assert not at.exception and "--scheme plain" in at.code[-1].value
+    at.button_group(key="method").select("dtm").run()
+    assert not at.exception and at.metric and "--method dtm" in at.code[-1].value
+
+
+def test_long_work_is_asked_for_as_a_job():
+    at = page(method="dtm", mesh="4x24", transient=200, revolutions=200)
+    assert not at.exception and not at.metric and not figures(at)
+    assert at.button(key="own_start").label.startswith("Solve in the background")
+
+
+def test_expected_seconds_follow_the_measured_runs():
+    """400 revolutions, one core: 4x48 rodas 0.17 s; dtm at 4x24 7.6 s, at 4x48 14.6 s (bearing number 3.45)."""
+    for mesh, method, measured in (("4x48", "rodas", 0.17), ("8x128", "rodas", 1.4), ("4x24", "dtm", 7.5),
+                                   ("4x48", "dtm", 14.6), ("2x16", "dtm", 0.6)):
+        told = expected_seconds(Settings(mesh, method, 200, 200), 3.45)
+        assert 0.7 * measured < told < 3.0 * measured, (mesh, method)
+    assert expected_seconds(Settings(transient=200, revolutions=200), 3.45) < ui.LIVE_SECONDS
+
+
+def test_downloads_hold_everything(tmp_path, design):
+    point = solve_point(design, 18.0, 4.5, Settings("2x16", transient=20, revolutions=20), path_revolutions=20)
+    path = tmp_path / "point.npz"
+    path.write_bytes(ui.point_npz(point))
+    again = load_point(path)
+    assert again.mle.value == point.mle.value and again.design == point.design
+    with np.load(path, allow_pickle=False) as data:
+        assert {"run_up", "film_pressure", "film_thickness", "force_film", "force_contact"} <= set(data.files)
+        assert data["film_pressure"].shape == data["film_thickness"].shape == (73, 16, 2)
+    table = ui.orbit_table(point)
+    assert len(table) == 20 * 96 and table["tau"].iloc[0] == pytest.approx(2 * math.pi * 20)
+    for title, make in ui.figures_of(point).items():
+        assert len(make().data), title

@@ -1,0 +1,84 @@
+"""Derived numbers: gas is conserved, the flow of a concentric fed bearing by hand, groups, failures as a status."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_bvp
+
+from spab_core.derived import NO_EQUILIBRIUM, derive
+from spab_core.design import DesignError
+from spab_core.film import Mesh
+from spab_core.presets import PRESETS, preset
+from spab_core.stability import concentric_stiffness, linear_spectrum, static_equilibrium
+from tests.conftest import fed_design
+
+MESH = Mesh(4, 24)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_what_the_wall_feeds_leaves_through_the_edges(name):
+    p = preset(name)
+    flow = derive(p.design, p.rotor_mass, p.design.bearing_number(p.speed_rpm * math.pi / 30.0), MESH).gas_flow
+    assert flow.wall == pytest.approx(flow.edges, rel=1e-9)
+    if p.design.bearing.supply_pressure_ratio > 1.0:
+        assert flow.normal_litres > 1.0
+    else:  # drawn in at the edges where the load opens the film, pressed out through the wall under it
+        assert -0.1 < flow.normal_litres < 0.0
+
+
+def test_flow_of_the_concentric_bearing():
+    """At rest at the centre the film is one-dimensional: (cos l Q'/2)'/cos l + beta (P_s² - Q) = 0, Q = 1 at the edge, solved
+    with scipy. Through the film flows h³/(12 mu) P dp/dx = C³ p_a/(24 mu R) Q' per length, at ambient pressure; each edge is
+    2 pi R cos l_e long."""
+    d = fed_design(30, 5.0, 1.0, rotor__gravity=0.0)
+    b, g, edge, beta, fed = d.bearing, d.gas, math.radians(30.0), d.feeding_number, 25.0
+
+    def slope(l, v):  # v = Q, cos l Q'/2
+        return np.array([2.0 * v[1] / np.cos(l), -beta * np.cos(l) * (fed - v[0])])
+
+    grid = np.linspace(0.0, edge, 50)
+    found = solve_bvp(slope, lambda a, e: np.array([a[1], e[0] - 1.0]), grid, np.array([1.0 + 0 * grid, -grid]), tol=1e-9)
+    unit = b.clearance**3 * g.ambient_pressure / (12.0 * g.viscosity * b.radius)
+    out = -2.0 * 2.0 * math.pi * b.radius * unit * found.y[1, -1]
+    flow = derive(d, 1.0, 2.0, MESH).gas_flow
+    assert flow.wall == pytest.approx(out, rel=1e-5)
+    assert flow.mass == pytest.approx(out * 101325.0 / (287.05 * 293.15), rel=1e-5)
+    assert flow.normal_litres == pytest.approx(out * 6e4 * 273.15 / 293.15, rel=1e-5)
+
+
+def test_numbers_agree_with_their_own_commands(design):
+    found = derive(design, 4.52, 3.0, MESH)
+    rest = static_equilibrium(design, 4.52, 3.0, MESH)
+    assert found.status == "ok" and found.eccentricity == rest.eccentricity and found.attitude_angle == rest.attitude_angle
+    assert found.least_film == pytest.approx(35e-6 * (1.0 - rest.eccentricity))
+    leading = linear_spectrum(design, 4.52, 3.0, MESH)[0][0]
+    assert found.whirl.growth == pytest.approx(2.0 * math.pi * leading.real) and not found.whirl.stable
+    assert found.whirl.speed_rpm == pytest.approx(abs(leading.imag) * design.speed_rpm(3.0))
+    assert found.balance_grade == pytest.approx(0.8 * 13e-3 * design.speed(3.0))
+    assert found.mass_number == design.mass_number(4.52, 3.0) and found.load_number == design.load_number(4.52)
+
+
+def test_stiffness_of_an_unloaded_journal(design):
+    d = design.replace(rotor__gravity=0.0)
+    kxx, kyx = concentric_stiffness(d, 3.0, MESH)
+    static = derive(d, 4.52, 3.0, MESH).coefficients.stiffness[0]
+    np.testing.assert_allclose(static / d.stiffness_unit, [[kxx, kyx], [-kyx, kxx]], atol=1e-9)
+
+
+def test_the_record_is_plain_and_says_units(design):
+    record = derive(design, 4.52, 3.0, MESH).record()
+    assert record["status"] == "ok" and len(record["stiffness_synchronous_n_m"]) == 2
+    assert all(value is not None for value in record.values())
+
+
+def test_no_equilibrium_is_a_status(design):
+    heavy = design.replace(contact__force_at_closure=0.0)
+    found = derive(heavy, 1000.0, 0.1, Mesh(2, 16))
+    assert found.status == NO_EQUILIBRIUM and found.coefficients is None and found.gas_flow is None
+    assert found.record()["eccentricity"] is None and found.record()["bearing_number"] == 0.1
+
+
+def test_points_out_of_range_are_refused(design):
+    with pytest.raises(DesignError, match="rotor mass"):
+        derive(design, 0.0, 3.0)

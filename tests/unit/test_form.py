@@ -1,0 +1,157 @@
+"""The form of a design: units, an exact way there and back, refusals in the form's own words; presets; balance grades."""
+
+import dataclasses
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from spab_core.design import Design, DesignError, InputError, design_toml, load_design, reference_design
+from spab_core.form import (
+    FIELDS,
+    GROUPS,
+    bearing_number_of,
+    eccentricity_of_grade,
+    from_form,
+    grade_of_eccentricity,
+    read_design_bytes,
+    to_form,
+)
+from spab_core.presets import PRESETS, preset
+from spab_core.simulate import BEARING_NUMBER_RANGE
+from spab_core.stability import static_equilibrium
+from tests.unit.test_design import designs
+
+
+def test_every_design_value_is_in_the_form_once():
+    assert list(FIELDS) == [f"{g.lower()}__{f.name}" for g, cls in GROUPS.items() for f in dataclasses.fields(cls)]
+    assert len({f.title for f in FIELDS.values()}) == len(FIELDS)
+
+
+def test_the_reference_design_reads_as_on_its_drawing():
+    shown = to_form(reference_design())
+    assert {name: shown[name] for name in list(shown)[:8]} == {
+        "bearing__radius": 60.0, "bearing__clearance": 35.0, "bearing__edge_latitude": 30.0, "bearing__permeability": 1.44,
+        "bearing__wall_thickness": 4.5, "bearing__supply_pressure_ratio": 1.01325, "gas__viscosity": 18.5,
+        "gas__ambient_pressure": 1.01325}
+    assert shown["rotor__shaft_stiffness"] == 50.0 and shown["rotor__unbalance_eccentricity"] == 13.0
+
+
+@given(designs())
+def test_from_si_to_the_form_and_back_nothing_changes(design):
+    assert from_form(to_form(design), design) == design
+
+
+@st.composite
+def typed(draw):
+    """A number as a person types it: up to 12 digits, inside the range of a field."""
+    name = draw(st.sampled_from([n for n in FIELDS if n not in ("bearing__radius", "contact__roughness",
+                                                               "contact__force_at_closure")]))
+    field = FIELDS[name]
+    ambient = 1.01325 if field.over_ambient else 1.0
+    low, high = field.low * ambient, min(field.high * ambient, 3000.0 if name == "bearing__clearance" else math.inf)
+    digits = draw(st.integers(1, 12))
+    value = float(f"{draw(st.floats(low, high, exclude_min=field.open_low)):.{digits}g}")
+    return name, min(max(value, low), high) or high
+
+
+@given(typed())
+def test_from_the_form_to_si_and_back_every_digit_stays(pair):
+    name, value = pair
+    assert to_form(from_form({name: value}))[name] == value
+
+
+@pytest.mark.parametrize("name, shown, si", [
+    ("bearing__clearance", 35.0, 35e-6), ("bearing__radius", 60.3, 60.3e-3), ("gas__viscosity", 18.1, 18.1e-6),
+    ("gas__ambient_pressure", 0.7, 0.7e5), ("rotor__shaft_stiffness", math.inf, math.inf),
+    ("rotor__journal_mass_fraction", 30.0, 0.3), ("bearing__supply_pressure_ratio", 4.053, 4.0)])
+def test_factors(name, shown, si):
+    section, key = name.split("__")
+    assert getattr(getattr(from_form({name: shown}), section), key) == pytest.approx(si, rel=1e-15)
+
+
+def test_a_supply_pressure_keeps_its_bars_when_the_ambient_changes():
+    """5 bar at 0.7 bar ambient are a ratio of 50/7, typed together or one after the other."""
+    together = from_form({"gas__ambient_pressure": 0.7, "bearing__supply_pressure_ratio": 5.0})
+    assert together.bearing.supply_pressure_ratio == pytest.approx(50.0 / 7.0, rel=1e-15)
+    first = from_form({"bearing__supply_pressure_ratio": 5.0})
+    then = from_form(to_form(first) | {"gas__ambient_pressure": 0.7}, first)
+    assert then == together
+
+
+@pytest.mark.parametrize("name, value, words", [
+    ("bearing__clearance", 0.01, ["Radial clearance C", "0.01 µm", "0.1 to 10000 µm"]),
+    ("bearing__radius", "x", ["Sphere radius R", "mm", "'x'"]),
+    ("bearing__supply_pressure_ratio", 1000.0, ["Supply pressure", "1000 bar", "101.325 bar"]),
+    ("rotor__shaft_stiffness", 0.0, ["Shaft stiffness K_s", "more than 0", "or inf"]),
+    ("gas__viscosity", math.nan, ["Viscosity", "nan"]),
+    ("bearing__width", 1.0, ["bearing__width"]),
+    ("bearing__clearance", 4000.0, ["twentieth"])])
+def test_wrong_values_are_told_in_the_units_of_the_form(name, value, words):
+    with pytest.raises(DesignError) as error:
+        from_form({name: value})
+    assert all(word in str(error.value) for word in words)
+
+
+def test_the_limits_themselves_are_allowed():
+    alone = {"bearing__radius", "bearing__clearance", "contact__roughness", "contact__force_at_closure"}  # tied to another
+    for field in FIELDS.values():
+        ambient = 1.01325 if field.over_ambient else 1.0
+        for limit in (field.low, field.high):
+            if field.name not in alone and not (field.open_low and limit == field.low):
+                assert isinstance(from_form({field.name: limit * ambient}), Design)
+
+
+def test_grade_of_a_rotor_by_hand():
+    """ISO 21940-11:2016: G 6.3 at 3,000 rpm permits a specific unbalance of 20 g mm/kg, 20 µm, of the whole rotor."""
+    e = eccentricity_of_grade(6.3, 3000.0, 0.2)
+    assert 0.8 * e == pytest.approx(20.05e-6, rel=1e-3)
+    assert grade_of_eccentricity(e, 3000.0, 0.2) == pytest.approx(6.3, rel=1e-14)
+    with pytest.raises(DesignError, match="grade G"):
+        eccentricity_of_grade(0.0, 3000.0, 0.2)
+    with pytest.raises(DesignError, match="rpm"):
+        eccentricity_of_grade(2.5, 0.0, 0.2)
+
+
+def test_speed_or_bearing_number():
+    d = reference_design()
+    assert bearing_number_of(d, None, d.speed_rpm(3.45)) == pytest.approx(3.45, rel=1e-14)
+    assert bearing_number_of(d, 3.45, None) == 3.45
+    for limit in BEARING_NUMBER_RANGE:
+        assert bearing_number_of(d, None, d.speed_rpm(limit)) == pytest.approx(limit)
+    for given_ in ((None, None), (1.0, 1.0), (0.0, None), (None, 1e9)):
+        with pytest.raises(DesignError):
+            bearing_number_of(d, *given_)
+
+
+@pytest.mark.parametrize("data, words", [
+    (b"\xff\xfe", "UTF-8"), (b"x" * 200_000, "200,000 bytes"), (b"[bearing", "TOML"), (b"[bearing]\nradius = -1", "radius"),
+    (b"a = " + b"[" * 5000, "TOML")])
+def test_wrong_files_are_one_sentence_with_their_name(data, words):
+    with pytest.raises(DesignError, match=r"my\.toml") as error:
+        read_design_bytes(data, "my.toml")
+    assert words in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_handed_in_file_is_the_design():
+    d = reference_design().replace(rotor__shaft_stiffness=math.inf)
+    assert read_design_bytes(design_toml(d).encode(), "d.toml") == d
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_load_and_rest_on_their_film(name, tmp_path):
+    p = preset(name)
+    number = bearing_number_of(p.design, None, p.speed_rpm)
+    rest = static_equilibrium(p.design, p.rotor_mass, number, (3, 24))
+    assert rest is not None and rest.eccentricity < 0.7
+    path = tmp_path / "copy.toml"
+    path.write_text(design_toml(p.design))
+    assert load_design(path) == p.design
+    if name != "spab60":
+        assert p.design != reference_design()
+
+
+def test_an_unknown_preset_is_told():
+    with pytest.raises(InputError, match="fed_spindle"):
+        preset("x")

@@ -1,0 +1,89 @@
+"""What jobs compute is what the library computes, and wrong requests are sentences."""
+
+import hashlib
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from spab_core.design import InputError
+from spab_core.foreign import Samples, rank_samples, samples_bytes
+from spab_core.job_kinds import KINDS, SAMPLES
+from spab_core.jobs import cancel, submit
+from spab_core.point import solve_point
+from spab_core.quick_map import quick_map
+from spab_core.refine import MIN_START, load_refinement
+from spab_core.simulate import Settings
+from spab_core.surrogates import MODELS
+from spab_core.what_if import load_sensitivity, sensitivity
+from tests.unit.test_jobs import root, until  # noqa: F401  (root is a fixture)
+
+QUICK = {"mesh": "2x16", "transient": 40, "revolutions": 30}
+
+
+def test_sensitivity_as_a_job(root, design):  # noqa: F811
+    asked = {"rotor_mass": 8.0, "speed_rpm": 9000.0, "axis": "mass", "scan": 2, "settings": QUICK}
+    job = until(submit("sensitivity", asked).id, lambda j: not j.active)
+    assert (job.state, job.done, job.total) == ("done", 9, 9), job.message
+    base, table = load_sensitivity(job.result)
+    own, rows = sensitivity(design, 8.0, 9000.0, "mass", Settings(**QUICK), scan=2)
+    assert repr(base) == repr(own) and table.equals(rows)
+
+
+def test_ranking_as_a_job_on_its_own_file(root, design):  # noqa: F811
+    number, mass = (a.ravel() for a in np.meshgrid(np.linspace(0.5, 8.0, 10), np.linspace(1.0, 20.0, 10)))
+    samples = Samples(np.column_stack([number, mass]), np.sin(number) * mass)
+    data = samples_bytes(samples)
+    asked = {"samples": hashlib.sha256(data).hexdigest(), "models": ["tree", "cubic", "theory-trees"]}
+    job = until(submit("ranking", asked, {SAMPLES: data}).id, lambda j: not j.active)
+    assert job.state == "done" and job.done == job.total, job.message
+    scores, own = pd.read_csv(job.result), rank_samples(samples, design, [MODELS[k] for k in asked["models"]])
+    assert np.allclose(scores["rmse_held_out"], own["rmse_held_out"], rtol=1e-12)
+    assert list(scores["model"]) == list(own["model"])
+    wrong = submit("ranking", {"samples": "0" * 64}, {SAMPLES: data})
+    assert "not the file" in until(wrong.id, lambda j: not j.active).message
+
+
+def test_a_quick_map_publishes_its_coarse_plane_and_keeps_it_when_stopped(root, design):  # noqa: F811
+    asked = {"bearing_number": "2:4:8", "rotor_mass": "3:9:9", "seconds": 3600, "settings": QUICK | {"early_stop": False}}
+    job = submit("map", asked)
+    job = until(job.id, lambda j: j.result.exists() or not j.active)
+    assert job.active, job.message
+    coarse = load_refinement(job.result)
+    assert coarse.solved.sum() == 18 and (coarse.regime != "").all()
+    kept = load_refinement(cancel(job.id).result)  # whatever has been published since
+    assert kept.solved.sum() > 17 and not (coarse.solved & ~kept.solved).any()
+    done = until(submit("map", asked).id, lambda j: not j.active)  # goes on to the last cell: time is not short here
+    assert done.state == "done", done.message
+    full = load_refinement(done.result)
+    row, column = 5, 7
+    point = solve_point(design, full.rotor_mass[column], full.bearing_number[row], Settings(**asked["settings"]))
+    assert full.solved.all() and full.values["mle"][row, column] == point.mle.value
+    assert np.array_equal(coarse.values["mle"][coarse.solved], full.values["mle"][coarse.solved])
+
+
+def test_a_quick_map_ends_in_time(tmp_path, design):
+    values = np.linspace(2.0, 4.0, 40)
+    began = time.monotonic()
+    found = quick_map(design, values, values + 1.0, Settings(**QUICK | {"early_stop": False, "revolutions": 400}), seconds=8.0,
+                      parts=tmp_path / "parts")
+    assert MIN_START <= found.solved.sum() < found.batch.size
+    assert time.monotonic() - began < 60.0  # by far less than the minutes that all cells take
+
+
+@pytest.mark.parametrize(("kind", "change", "words"), [
+    ("sensitivity", {"axis": "time"}, "axis = 'time'"), ("sensitivity", {"step": 0.9}, "step = 0.9 is out of range"),
+    ("sensitivity", {"speed_rpm": 1e9}, "speed = 1e[+]09 rpm is out of range"),
+    ("sensitivity", {"speed": 1}, "'speed' is unknown"),
+    ("sensitivity", {"settings": {"mesh": "1x1"}}, "mesh"), ("ranking", {"samples": "../../etc/passwd"}, "must be the SHA-256"),
+    ("ranking", {}, "'samples' is missing"),
+    ("ranking", {"samples": "0" * 64, "models": ["oracle"]}, "model = 'oracle'"),
+    ("map", {"seconds": 1e9}, "seconds = 1e[+]09 s"), ("map", {"seed": -1}, "seed = -1"),
+    ("map", {"bearing_number": "1:2:100000", "rotor_mass": "1:2:100000"}, "cells"),
+    ("map", {"rotor_mass": "-1:2:20"}, "rotor mass = -1")])
+def test_wrong_requests(kind, change, words):
+    usual = {"sensitivity": {"rotor_mass": 8.0, "speed_rpm": 9000.0}, "ranking": {},
+             "map": {"bearing_number": "1:2:10", "rotor_mass": "1:2:10"}}[kind]
+    with pytest.raises(InputError, match=words):
+        KINDS[kind].check(usual | change)
