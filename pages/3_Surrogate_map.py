@@ -93,8 +93,9 @@ cells[4].metric("Cells trained on", f"{predicted.surrogate.training_cells:,}")
 if predicted.surrogate.converged is False:
     st.warning("The training of this network stopped at its limit of 500 epochs, before its own criterion was met.")
 
-st.plotly_chart(figure, key="maps", width="stretch", on_select=_clicked,
-                selection_mode="points", config={"displaylogo": False, "scrollZoom": True})
+with st.container(key="wide_maps"):
+    st.plotly_chart(figure, key="maps", width="stretch", on_select=_clicked, selection_mode="points",
+                    config={"displaylogo": False, "scrollZoom": True})
 
 sure, cell, beside = None, _chosen_cell(), state.get("beside", False)
 number, mass = (float(f"{axis[k]:.6g}") for axis, k in zip((m.bearing_number, m.rotor_mass), cell, strict=True))

@@ -46,7 +46,8 @@ def page_head(title: str) -> None:
             "section[data-testid=stSidebar]{width:12.5rem !important;"
             "min-width:12.5rem} [data-testid=stMetricValue]{font-size:1.5rem} "
             "[data-testid=stMetricLabel] p{font-size:.74rem} "
-            "@media(max-width:640px){.block-container{padding:3.6rem 1rem 1rem}}</style>")
+            "@media(max-width:640px){.block-container{padding:3.6rem 1rem 1rem} "
+            "[class*=st-key-wide_]{overflow-x:auto} [class*=st-key-wide_]>*{min-width:48rem}}</style>")
     for complaint in open_view():
         st.error(complaint)
 
