@@ -1,88 +1,138 @@
-"""Home page: the stability map; a click or typed numbers choose an operating point, which is solved live."""
+"""Home page: the stability map; a click or typed numbers choose an operating point: its margin, solved live beside it."""
+
+import math
 
 import streamlit as st
 
-from spab_core.figures import LAYERS
-from spab_core.figures_point import exponent_figure, orbit_figure, section_figure
+from spab_core.design import reference_design
+from spab_core.export import map_netcdf, map_table
+from spab_core.figures_map import LAYERS, SURROGATE
+from spab_core.figures_point import orbit_figure
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
-from spab_core.ui.shared import errors_in_words, live_point, marked_map_figure, page_head, reference_map
+from spab_core.stability_map import map_bytes
+from spab_core.surrogates import MODELS
+from spab_core.ui.downloads import downloads
+from spab_core.ui.shared import (
+    LIVE,
+    errors_in_words,
+    linear_words,
+    live_point,
+    map_figure_to_take,
+    map_margin,
+    marked_map_figure,
+    page_head,
+    page_link,
+    reference_map,
+)
+from spab_core.ui.view import chosen_design, design_option, design_words, is_reference, point_options, set_design, set_point
 
 page_head("stability map")
 
 with errors_in_words():
     m = reference_map()
 
-state = st.session_state
-if "mark" not in state:
-    state["mark"] = (state["bearing_number"], state["rotor_mass"])
+state, design = st.session_state, chosen_design()
+
+
+def _mark():
+    """Have the figure show the chosen point: its cell, none outside the map."""
+    number, mass = state["bearing_number"], state["rotor_mass"]
+    inside = m.bearing_number[0] <= number <= m.bearing_number[-1] and m.rotor_mass[0] <= mass <= m.rotor_mass[-1]
+    row, column = m.nearest(mass, number)
+    state["mark"] = row * len(m.rotor_mass) + column if inside else None
+
+
+def _typed_speed():
+    if state["rpm"] is not None:  # an emptied field keeps the speed
+        number = design.bearing_number(state["rpm"] * math.pi / 30.0)
+        set_point(state["rotor_mass"], min(max(number, BEARING_NUMBER_RANGE[0]), BEARING_NUMBER_RANGE[1]))
+        _mark()
 
 
 def _typed():
-    """Mark the typed point with a cross."""
-    state["mark"] = (state["bearing_number"], state["rotor_mass"])
-
-
-def _layer_changed():
-    """Another layer is another figure: it must show the cell clicked last, which the browser alone knew."""
-    if isinstance(state["mark"], int):
-        row, column = m.nearest(state["rotor_mass"], state["bearing_number"])
-        state["mark"] = row * len(m.rotor_mass) + column
+    if state["rotor_mass"] is not None and state["bearing_number"] is not None:
+        _mark()
 
 
 def _clicked():
-    """Take the cell that was clicked; the overlay's points are the cells in the order of the map."""
+    """Take the cell that was clicked: the overlay's points are the cells in the order of the map.
+
+    The browser marks it by itself: the figure stays as it is, is not sent again and keeps its zoom.
+    """
     points = state["map"]["selection"]["points"]
     if points:
-        index = int(points[0]["point_index"])
-        row, column = divmod(index, len(m.rotor_mass))
-        # the browser marks a clicked cell: from the second click on the figure stays as it is, is not sent again
-        if not isinstance(state["mark"], int):
-            state["mark"] = index
-        state["bearing_number"] = round(float(m.bearing_number[row]), 6)
-        state["rotor_mass"] = round(float(m.rotor_mass[column]), 6)
+        row, column = divmod(int(points[0]["point_index"]), len(m.rotor_mass))
+        set_point(float(m.rotor_mass[column]), float(m.bearing_number[row]))
 
+
+if "mark" not in state or "map" not in state:  # the page is opened, or opened again: the point may have been chosen elsewhere
+    _mark()
+slowest, fastest = (design.speed_rpm(b) for b in BEARING_NUMBER_RANGE)
+state["rpm"] = min(max(design.speed_rpm(state["bearing_number"]), slowest), fastest)
 
 left, right = st.columns([1.15, 1], gap="medium")
 
 with left:
     st.markdown("#### Stability map of the reference bearing")
-    a, b, c = st.columns([1.6, 1, 1], vertical_alignment="bottom")
-    layer = a.segmented_control("Layer", LAYERS, key="layer", on_change=_layer_changed) or LAYERS[0]
-    b.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, key="bearing_number", step=0.05, format="%.3f",
-                   on_change=_typed, help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
-    c.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%.3f", on_change=_typed,
-                   help="Whole rotor mass that one bearing carries")
-    st.plotly_chart(marked_map_figure(layer, state["mark"]), key="map", on_select=_clicked, selection_mode="points",
-                    width="stretch", config={"displaylogo": False, "scrollZoom": True})
-    st.caption(f"{m.shape[0]} × {m.shape[1]} cold starts on {m.metadata['mesh']} film nodes, {m.metadata['transient']} + "
-               f"{m.metadata['revolutions']} revolutions each, fewer where the orbit settled. Click a cell, or type Λ and mass "
-               "to solve that point now.")
+    # another layer is another figure: it must show the cell clicked last, which the browser alone knew
+    layer = st.segmented_control("Layer", LAYERS, key="layer", on_change=_mark, label_visibility="collapsed") or LAYERS[0]
+    model, divisor, draw = state["model"], state["divisor"], int(state["draw"])
+    with errors_in_words():
+        figure = marked_map_figure(layer, state["mark"], model, divisor, draw)
+    st.plotly_chart(figure, key="map", on_select=_clicked, selection_mode="points", width="stretch",
+                    config={"displaylogo": False, "scrollZoom": True})
+    told = f"Predicted by {MODELS[model].label} from n/{divisor} of the cells. " if layer == SURROGATE else ""
+    st.caption(f"{told}Click a cell, or type the point. {m.shape[0]} × {m.shape[1]} cold starts on {m.metadata['mesh']} film "
+               "nodes; the linear threshold is that of the static equilibrium without unbalance.")
+    st.caption(f"Where map and linear theory disagree. {linear_words()}")
 
 with right:
-    design = m.design
+    st.markdown(f"#### Operating point, {design_words()}")
+    a, b, c = st.columns(3)
+    a.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%.3f", on_change=_typed,
+                   help="Whole rotor mass that one bearing carries")
+    b.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, key="bearing_number", step=0.05, format="%.3f",
+                   on_change=_typed, help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
+    c.number_input("Shaft speed, rpm", slowest, fastest, key="rpm", step=100.0, format="%.0f", on_change=_typed_speed,
+                   help="The same as Λ, of the chosen design")
     mass, number = state["rotor_mass"], state["bearing_number"]
-    st.markdown(f"#### Operating point: Λ {number:.3f}, {design.speed_rpm(number):,.0f} rpm, {mass:.2f} kg")
-    with errors_in_words():
+    verdict = st.container()
+    if is_reference():
+        with errors_in_words():
+            st.markdown(map_margin(mass, number))
+    else:
+        st.info("The map is of the reference bearing; the point is solved with your own design, whose margin no map tells yet.")
+        with st.container(horizontal=True):
+            st.button("Use the reference bearing", on_click=set_design, args=(reference_design(),), key="use_reference")
+            page_link("My_bearing", "My bearing: a map of your own design")
+    with verdict, errors_in_words():
         point = live_point(design, mass, number)
-    box = {"periodic": st.success, "quasi-periodic": st.warning}.get(point.regime.name if point.regime else "", st.error)
+    box = {"periodic": verdict.success, "quasi-periodic": verdict.warning}.get(point.regime.name if point.regime else "",
+                                                                               verdict.error)
     box(point.verdict())
     if point.mle:
-        cells = st.columns(4)
-        cells[0].metric("MLE per revolution", f"{point.mle.value:+.3f}", help="Maximum Lyapunov exponent, natural log: below "
-                        "zero periodic, zero quasi-periodic, above zero chaotic")
-        spread = point.mle.standard_error
-        cells[1].metric("Standard error", f"± {spread:.3f}" if spread >= 0.0005 else "< 0.001",
-                        help="Of the MLE, by batch means; on a settled periodic orbit, the last change of its leading "
-                             "multiplier's rate")
-        cells[2].metric("Max. eccentricity", f"{point.max_eccentricity:.3f}", help="Largest of the journal, over the clearance")
-        cells[3].metric("Time in contact", f"{100 * point.contact_share:.1f} %",
+        cells = st.columns([1.5, 1, 1])
+        error = point.mle.standard_error
+        cells[0].metric("MLE per revolution", f"{point.mle.value:+.3f} ± {max(error, 0.001):.3f}",
+                        help="Maximum Lyapunov exponent, natural logarithm, ± its standard error: below zero periodic, zero "
+                             "quasi-periodic, above zero chaotic")
+        cells[1].metric("Max. eccentricity", f"{point.max_eccentricity:.3f}", help="Largest of the journal, over the clearance")
+        cells[2].metric("Time in contact", f"{100 * point.contact_share:.1f} %",
                         help="Share of the time with a film under a tenth of the clearance")
-    one, two = st.columns(2)
-    one.plotly_chart(orbit_figure(point), key="orbit", width="stretch")
-    two.plotly_chart(section_figure(point), key="section", width="stretch")
-    st.plotly_chart(exponent_figure(point).update_layout(height=205), key="exponent", width="stretch")
-    t, cell = point.trajectory, m.nearest(mass, number)
-    ended = ", settled on a periodic orbit" if t.settled else ""
-    st.caption(f"Solved live: {t.completed} revolutions from rest{ended}, {t.steps:,} steps in {t.wall_seconds:.2f} s on "
-               f"{point.settings.mesh} film nodes. Nearest cell of the map (Λ {m.bearing_number[cell[0]]:.3f}, "
-               f"{m.rotor_mass[cell[1]]:.2f} kg): {m.cell_text(*cell)}.")
+    orbit = orbit_figure(point).update_layout(height=265, margin_t=30)
+    with st.container(horizontal=True, vertical_alignment="center"):
+        page_link("Operating_point", "Operating point: section, spectrum, film")
+        b0, b1, m0, m1 = (float(v) for v in (*m.bearing_number[[0, -1]], *m.rotor_mass[[0, -1]]))
+        command = (f"spab margin {point_options()}\n" if is_reference() else "") + (
+            f"spab simulate {point_options()}{design_option()} --transient {LIVE.transient} --revolutions {LIVE.revolutions}\n"
+            f"spab map --bearing-number {b0:g}:{b1:g}:{m.shape[0]} --rotor-mass {m0:g}:{m1:g}:{m.shape[1]} --out map.npz\n"
+            "spab export map.npz --out map.nc")
+        if layer == SURROGATE:
+            command += f"\nspab predict --model {model} --divisor {divisor} --seed {draw} --out predicted.npz"
+        take = (layer, number, mass, model, divisor, draw)
+        downloads("stability_map", {"Map": lambda: map_figure_to_take(*take), "Orbit": orbit}, {"Map": lambda: map_table(m)},
+                  {"npz": lambda: map_bytes(m), "nc": lambda: map_netcdf(m)}, command)
+    st.plotly_chart(orbit, key="orbit", width="stretch")
+    t = point.trajectory
+    st.caption(f"Solved live: {t.completed} revolutions from rest{', settled on a periodic orbit' if t.settled else ''}, "
+               f"{t.wall_seconds:.2f} s on {point.settings.mesh} film nodes, at Λ {number:.4g} and {mass:.4g} kg.")

@@ -9,8 +9,8 @@ import plotly.graph_objects as go
 from take_pictures import browser_page
 
 from spab_core.artifacts import BIFURCATIONS, load_reference_bifurcation, load_reference_map, load_reference_refinement
-from spab_core.figures import map_figure
 from spab_core.figures_lines import bifurcation_figure
+from spab_core.figures_map import map_figure
 from spab_core.figures_surrogates import learning_curve_figure, refinement_figure
 from spab_core.film import Mesh
 from spab_core.learning_curve import load_learning_curve

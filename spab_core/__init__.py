@@ -20,6 +20,7 @@ stability_map   A plane of operating points -> StabilityMap; save, load, check
 map_engine      Computes maps: chunks, resume, processes or a Dask cluster
 bifurcation     A line of operating points, swept cold, up and down -> Bifurcation
 features        What linear theory knows of a point of the plane -> LinearTable, tabulated and interpolated
+margin          How far a point of a map is from instability and chaos; where linear theory sees another border
 theory_models   Regressors that start from linear theory
 surrogates      Models that predict a map from some of its cells: the paper's, interpolation, better ones
 classifier      Regimes from the labels of some cells, or from predicted exponents

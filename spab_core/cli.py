@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from spab_core import cli_dashboard, cli_design, cli_jobs, cli_models, cli_refine, cli_surrogates
+from spab_core import cli_dashboard, cli_design, cli_jobs, cli_margin, cli_models, cli_refine, cli_surrogates
 from spab_core._version import __version__
 from spab_core.bifurcation import SWEEPS, VARY, chaotic_intervals, check_line, compute_bifurcation, save_bifurcation
 from spab_core.cli_jobs import kept_when_stopped
@@ -107,6 +107,7 @@ def _build_parser() -> argparse.ArgumentParser:
     cli_jobs.add_commands(commands)
     cli_design.add_commands(commands, _number)
     cli_dashboard.add_command(commands, _whole)
+    cli_margin.add_commands(commands, _number)
     return parser
 
 

@@ -47,13 +47,13 @@ def tornado_figure(base: Margin, table: pd.DataFrame) -> go.Figure:
         legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0})
 
 
-def run_up_figure(speed_rpm: np.ndarray, mle: np.ndarray, peak: np.ndarray, intervals: pd.DataFrame) -> go.Figure:
-    """A machine's run-up: exponent and largest eccentricity over the speed, regimes as coloured bands.
+def run_up_figure(speed_rpm: np.ndarray, mle: np.ndarray, contact_share: np.ndarray, intervals: pd.DataFrame) -> go.Figure:
+    """A machine's run-up: exponent and time in contact over the speed, regimes as coloured bands.
 
     Parameters
     ----------
-    speed_rpm, mle, peak : ndarray, (n,)
-        Speed, exponent per revolution (nan where a run failed) and largest eccentricity over C.
+    speed_rpm, mle, contact_share : ndarray, (n,)
+        Speed, exponent per revolution (nan where a run failed) and share of the time in contact.
     intervals : DataFrame
         Of ``what_if.regime_intervals`` over the speed.
     """
@@ -66,12 +66,11 @@ def run_up_figure(speed_rpm: np.ndarray, mle: np.ndarray, peak: np.ndarray, inte
         figure.add_vrect(x0=row.start - half, x1=row.stop + half, fillcolor=REGIME_COLOURS[row.regime], opacity=0.35,
                          line_width=0, layer="below")
     figure.add_scatter(x=speed_rpm, y=mle, mode="lines+markers", name="MLE", line={"color": JOURNAL}, marker={"size": 4})
-    figure.add_scatter(x=speed_rpm, y=peak, mode="lines", name="largest eccentricity", yaxis="y2",
+    figure.add_scatter(x=speed_rpm, y=100.0 * contact_share, mode="lines", name="time in contact", yaxis="y2",
                        line={"color": "#009E73", "dash": "dot"})
     figure.add_hline(y=0.0, line={"color": NEUTRAL, "dash": "dash", "width": 1})
     return figure.update_layout(
         height=360, margin={"l": 60, "r": 60, "t": 30, "b": 50}, xaxis={"title": "Speed, rpm", "showgrid": False},
         yaxis={"title": "MLE per revolution", "range": [-1.0, 0.7]},
-        yaxis2={"title": "eccentricity over C", "overlaying": "y", "side": "right", "range": [0.0, 1.7], "showgrid": False,
-                "tickvals": [0.0, 0.25, 0.5, 0.75, 1.0]},
+        yaxis2={"title": "time in contact, %", "overlaying": "y", "side": "right", "range": [0.0, 100.0], "showgrid": False},
         legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0})

@@ -8,12 +8,13 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from spab_core.design import Design, InputError, check_number
 from spab_core.features import LinearTable, linear_table, shipped_table
 from spab_core.refine import CHUNK, MAX_PLANE, MIN_START, Refinement, live_oracle, refine
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, Settings
-from spab_core.stability_map import axis, check_plane, map_metadata
+from spab_core.stability_map import StabilityMap, axis, check_plane, map_metadata
 
 SECONDS, SECONDS_RANGE = 300.0, (5.0, 86_400.0)
 COARSE = 64  # cells of the first plane
@@ -132,3 +133,28 @@ def quick_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray
             return first
         start = max(coarse, min(count // 256, count // 4))
         return run(count, start=start, table=table, allowance=allowance)
+
+
+def as_map(r: Refinement) -> StabilityMap:
+    """Solved cells as they are, the others as predicted, as one map for margins and figures; ``r.solved`` tells them apart.
+
+    A predicted cell has the committee's deviation as its standard error, the period and the contact of the nearest solved cell
+    of its regime, and no revolutions; where a run is predicted to fail, the status of the nearest that did.
+    """
+    solved = {name: values.copy() for name, values in r.values.items()}
+    open_cells = ~r.solved
+    solved["mle"][open_cells] = np.where(r.regime == "", np.nan, r.mle)[open_cells]
+    solved["mle_standard_error"][open_cells] = np.where(r.regime == "", np.nan, r.deviation)[open_cells]
+    solved["regime"][open_cells] = r.regime[open_cells]
+    for regime in np.unique(r.regime[open_cells]):
+        like = r.solved & (r.values["regime"] == regime)
+        wanted = open_cells & (r.regime == regime)
+        source = like if like.any() else r.solved
+        _, (row, column) = distance_transform_edt(~source, return_indices=True)
+        for name in ("period", "contact_share", "max_eccentricity", "status"):
+            solved[name][wanted] = r.values[name][row[wanted], column[wanted]]
+        if regime and not like.any():
+            solved["period"][wanted], solved["status"][wanted] = int(regime == "periodic"), "ok"
+    missing = (solved["status"] == "ok") & ~np.isfinite(solved["mle"])  # too few solved cells to predict an exponent
+    solved["mle"][missing] = 0.0
+    return StabilityMap(r.bearing_number, r.rotor_mass, **solved, metadata=r.metadata)

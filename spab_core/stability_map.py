@@ -151,11 +151,16 @@ def map_metadata(design: Design, settings: Settings, shape: tuple[int, ...]) -> 
     }
 
 
-def save_map(result: StabilityMap, path: str | Path) -> None:
-    """Write a map as NPZ, atomically. Keys: those of :class:`StabilityMap`, ``metadata`` as JSON text."""
+def map_bytes(result: StabilityMap) -> bytes:
+    """A map as the bytes of an NPZ file. Keys: those of :class:`StabilityMap`, ``metadata`` as JSON text."""
     arrays = {"bearing_number": result.bearing_number, "rotor_mass": result.rotor_mass}
     arrays |= {name: getattr(result, name) for name in FIELDS}
-    write_atomically(path, npz_bytes(arrays | {"metadata": np.array(json.dumps(result.metadata))}))
+    return npz_bytes(arrays | {"metadata": np.array(json.dumps(result.metadata))})
+
+
+def save_map(result: StabilityMap, path: str | Path) -> None:
+    """Write a map as NPZ (:func:`map_bytes`), atomically."""
+    write_atomically(path, map_bytes(result))
 
 
 def load_map(path: str | Path) -> StabilityMap:

@@ -23,14 +23,15 @@ from spab_core.artifacts import (
     load_reference_map,
 )
 from spab_core.design import Design, InputError
-from spab_core.figures import map_figure, mark_cell, mark_point
+from spab_core.figures_map import SURROGATE, map_figure, mark_point
 from spab_core.integrate import is_compiled
 from spab_core.jobs import Job
+from spab_core.margin import against_linear, margin
 from spab_core.point import OperatingPoint, solve_point
 from spab_core.pretrained import ServedMap, find_map
 from spab_core.simulate import Settings
 from spab_core.stability_map import StabilityMap
-from spab_core.surrogates import model
+from spab_core.surrogates import linear_table_of, model
 from spab_core.ui.view import open_view
 from spab_core.uncertainty import MapIntervals, load_intervals
 
@@ -46,8 +47,11 @@ def page_head(title: str) -> None:
             "section[data-testid=stSidebar]{width:12.5rem !important;"
             "min-width:12.5rem} [data-testid=stMetricValue]{font-size:1.5rem} "
             "[data-testid=stMetricLabel] p{font-size:.74rem} "
-            "@media(max-width:640px){.block-container{padding:3.6rem 1rem 1rem} "
-            "[class*=st-key-wide_]{overflow-x:auto} [class*=st-key-wide_]>*{min-width:48rem}}</style>")
+            # figures that need a width scroll in their own box on a narrow screen
+            "@media(max-width:640px){[class*=st-key-wide_]{overflow-x:auto} [class*=st-key-wide_]>*{min-width:48rem}} "
+            # Streamlit names the home page by its file, app.py
+            "[data-testid=stSidebarNavItems] span[label=app] p{font-size:0} "
+            "[data-testid=stSidebarNavItems] span[label=app] p::after{content:'Stability map';font-size:.875rem}</style>")
     for complaint in open_view():
         st.error(complaint)
 
@@ -79,15 +83,76 @@ def reference_map() -> StabilityMap:
     return _map(_stamp())
 
 
-@st.cache_resource(max_entries=8, show_spinner=False)
-def _map_figure(stamp: float, layer: str) -> go.Figure:
-    return map_figure(_map(stamp), layer)
+class _Drawn(go.Figure):
+    """A figure whose dictionary is ready: making it anew of 42,500 cells on each run takes half a second."""
+
+    def __init__(self, ready: dict):
+        super().__init__()
+        self.__dict__["_ready"] = ready
+
+    def to_dict(self) -> dict:
+        """What is sent to the browser."""
+        return self.__dict__["_ready"]
 
 
-def marked_map_figure(layer: str, mark: tuple[float, float] | int) -> go.Figure:
-    """The map's figure with a cross at a typed (bearing number, rotor mass), or with a cell selected."""
-    figure = go.Figure(_map_figure(_stamp(), layer))
-    return mark_cell(figure, mark) if isinstance(mark, int) else mark_point(figure, *mark)
+def _new_map_figure(layer: str, name: str, divisor: int, seed: int) -> go.Figure:
+    m = reference_map()
+    return map_figure(m, layer, predicted_map(name, divisor, seed) if layer == SURROGATE else None, linear_table_of(m))
+
+
+@st.cache_resource(show_spinner=False)
+def _map_figures() -> dict[tuple, dict]:
+    return {}  # filled by hand: training a model tells its progress on the page
+
+
+def marked_map_figure(layer: str, cell: int | None, name: str, divisor: int, seed: int) -> go.Figure:
+    """The map's figure with a cell shown as the selected one; ``name``, ``divisor``, ``seed`` are of the surrogate's layer.
+
+    Raises ``InputError``.
+    """
+    known, key = _map_figures(), (_stamp(), _stamp(PREDICTIONS), layer, *((name, divisor, seed) if layer == SURROGATE else ()))
+    ready = known.get(key)
+    if ready is None:
+        ready = known[key] = _new_map_figure(layer, name, divisor, seed).to_dict()
+        for old in list(known)[:-12]:
+            known.pop(old, None)
+    selected = {"selectedpoints": [] if cell is None else [cell]}
+    return _Drawn(ready | {"data": [t | selected if t.get("name") == "cells" else t for t in ready["data"]]})
+
+
+def map_figure_to_take(layer: str, bearing_number: float, rotor_mass: float, name: str, divisor: int, seed: int) -> go.Figure:
+    """The map's figure with a cross at a point, for a file."""
+    return mark_point(_new_map_figure(layer, name, divisor, seed), bearing_number, rotor_mass)
+
+
+@st.cache_resource(max_entries=1, show_spinner=False)
+def _linear_words(stamp: float) -> str:
+    return " ".join(against_linear(_map(stamp), linear_table_of(_map(stamp))).sentences())
+
+
+def linear_words() -> str:
+    """Where the reference map and linear stability disagree."""
+    return _linear_words(_stamp())
+
+
+def map_margin(rotor_mass: float, bearing_number: float) -> str:
+    """The margin of a point of the reference map and the linear threshold at its speed, as a list in Markdown."""
+    m = reference_map()
+    try:
+        found = margin(m, rotor_mass, bearing_number)
+    except InputError as error:
+        return f"**No margin:** {error}."
+    critical = [f"{c:.3g} kg" for c in linear_table_of(m).critical_masses(bearing_number)]
+    told = [*found.sentences(), f"Linear stability threshold at this speed: {', '.join(critical) or 'none in the map'}."]
+    return "\n".join([f"**{found.headline()}**", "", *(f"- :small[{text}]" for text in told)])
+
+
+def page_link(name: str, label: str) -> None:
+    """A link to the page ``pages/<number>_<name>.py``; nothing where there is no such page."""
+    context = get_script_run_ctx()
+    folder = Path(context.main_script_path).parent if context else Path()
+    for path in sorted(folder.glob(f"pages/*_{name}.py")):
+        st.page_link(f"pages/{path.name}", label=label, icon=":material/arrow_forward:")
 
 
 @st.cache_resource(max_entries=64, show_spinner=False)

@@ -16,8 +16,8 @@ import streamlit as st
 
 from spab_core.bifurcation import SWEEPS, VARY
 from spab_core.design import Design, InputError, check_number, reference_design
-from spab_core.figures import LAYERS
 from spab_core.figures_lines import COORDINATES
+from spab_core.figures_map import LAYERS
 from spab_core.film import DEFAULT_MESH, SCHEMES, parse_mesh
 from spab_core.form import FIELDS, to_form
 from spab_core.integrate import METHODS

@@ -10,8 +10,11 @@ from streamlit.util import AttributeDictionary
 
 from spab_core import artifacts
 from spab_core.artifacts import load_reference_map
-from spab_core.figures import LAYERS
-from spab_core.stability_map import StabilityMap
+from spab_core.cli import _build_parser
+from spab_core.design import reference_design
+from spab_core.figures_map import LAYERS, SURROGATE
+from spab_core.margin import margin
+from spab_core.surrogates import MODELS
 from spab_core.ui import shared
 from tests.conftest import ROOT
 
@@ -25,7 +28,7 @@ def app():
 
 
 def charts(at):
-    """The page's figures in order: map, orbits, section, exponent."""
+    """The page's figures in order: map, orbits."""
     return {k: json.loads(c.proto.spec) for k, c in enumerate(at.get("plotly_chart"))}
 
 
@@ -41,37 +44,136 @@ def click(at, point_index):
 def test_first_view(app):
     assert not app.exception
     assert len(verdict(app)) == 1 and verdict(app)[0].endswith(".")
-    assert {m.label for m in app.metric} == {"MLE per revolution", "Standard error", "Max. eccentricity", "Time in contact"}
+    assert {m.label for m in app.metric} == {"MLE per revolution", "Max. eccentricity", "Time in contact"}
     figures = charts(app)
-    assert len(figures) == 4
+    assert len(figures) == 2
     m = load_reference_map()
     cells = next(t for t in figures[0]["data"] if t.get("name") == "cells")
     assert cells["type"] == "scattergl" and len(cells["text"]) == m.mle.size
     for figure in figures.values():
         assert figure["layout"]["xaxis"]["title"]["text"] and figure["layout"]["yaxis"]["title"]["text"]
-    assert "rpm" in " ".join(x.value for x in app.markdown)
+    assert figures[0]["layout"]["xaxis2"]["title"]["text"] == "Shaft speed, rpm"
+    low, high = figures[0]["layout"]["xaxis"]["range"]
+    assert figures[0]["layout"]["xaxis2"]["range"] == pytest.approx([m.design.speed_rpm(low), m.design.speed_rpm(high)])
+    assert not app.query_params
+
+
+def test_the_margin_stands_on_the_page(app):
+    words = " ".join(x.value for x in app.markdown)
+    found = margin(load_reference_map(), 4.52, 3.45)
+    assert found.headline() in words and all(text in words for text in found.sentences())
+    assert "Linear stability threshold at this speed: 23.6 kg" in words
+    assert any("Linearly unstable, yet" in c.value for c in app.caption)
 
 
 @pytest.mark.parametrize("layer", LAYERS)
 def test_every_layer_is_drawn(app, layer):
     if layer != LAYERS[0]:
+        before = charts(app)[0]["data"]
         app.button_group(key="layer").select(layer).run()
-    assert not app.exception
+        assert charts(app)[0]["data"] != before
+    assert not app.exception and not app.error
     data = charts(app)[0]["data"]
-    assert any(t["type"] == "heatmap" for t in data)
+    assert sum(t["type"] == "heatmap" for t in data) == 1
+    assert {"border of chaos", "linear stability threshold", "cells"} <= {t.get("name") for t in data}
     if layer == "Regime":
         assert {"periodic-1", "quasi-periodic", "chaotic"} <= {t.get("name") for t in data}
-    if layer == "MLE":
-        heatmap = next(t for t in data if t["type"] == "heatmap")
+    heatmap = next(t for t in data if t["type"] == "heatmap")
+    if layer in ("MLE", "Surrogate prediction"):
         assert heatmap["zmin"] == -heatmap["zmax"]  # the diverging scale is centred on zero
+    assert app.query_params.get("layer", LAYERS[0]) == layer
 
 
-def test_typed_values_are_solved_at_their_ends(app):
-    app.number_input(key="rotor_mass").set_value(25.0)
-    app.number_input(key="bearing_number").set_value(0.05).run()
+def test_the_predicted_layer_is_of_the_chosen_model_and_fraction(app):
+    app.button_group(key="layer").select(SURROGATE).run()
+    seen = set()
+    for model, divisor in (("mlp", 8), ("tree", 8), ("tree", 2)):
+        app.session_state["model"], app.session_state["divisor"] = model, divisor
+        app.run()
+        assert not app.exception and not app.error
+        assert any(f"Predicted by {MODELS[model].label} from n/{divisor}" in c.value for c in app.caption)
+        seen.add(json.dumps(next(t for t in charts(app)[0]["data"] if t["type"] == "heatmap")["z"]))
+    assert len(seen) == 3
+
+
+@pytest.mark.parametrize(("mass", "number"), [(25.0, 0.05), (0.1, 8.5)])
+def test_typed_values_are_solved_and_marked(app, mass, number):
+    app.number_input(key="rotor_mass").set_value(mass)
+    app.number_input(key="bearing_number").set_value(number).run()
     assert not app.exception
-    assert "Λ 0.050" in " ".join(x.value for x in app.markdown)
-    assert len(verdict(app)) == 1
+    assert f"at Λ {number:.4g} and {mass:.4g} kg" in app.caption[-1].value
+    assert len(verdict(app)) == 1 and any("edge of the map" in x.value for x in app.markdown)
+    row, column = load_reference_map().nearest(mass, number)
+    assert next(t for t in charts(app)[0]["data"] if t.get("name") == "cells")["selectedpoints"] == [row * 250 + column]
+    assert app.number_input(key="rpm").value == pytest.approx(load_reference_map().design.speed_rpm(number))
+
+
+def test_a_typed_speed_sets_the_bearing_number(app):
+    design = load_reference_map().design
+    app.number_input(key="rpm").set_value(10_200.0).run()
+    assert not app.exception and not app.error
+    assert design.speed_rpm(app.session_state["bearing_number"]) == pytest.approx(10_200.0, rel=1e-5)
+    assert app.number_input(key="rpm").value == pytest.approx(10_200.0, rel=1e-5)
+    assert app.query_params["bearing_number"] == f"{app.session_state['bearing_number']:.6g}"
+    app.number_input(key="rpm").set_value(None).run()  # emptied: the speed stays
+    assert not app.exception and app.number_input(key="rpm").value == pytest.approx(10_200.0, rel=1e-5)
+    for speed in (app.number_input(key="rpm").min, app.number_input(key="rpm").max):
+        app.number_input(key="rpm").set_value(speed).run()
+        assert not app.exception and len(verdict(app)) == 1
+
+
+def test_outside_the_map_there_is_no_margin_and_no_mark(app):
+    app.number_input(key="rotor_mass").set_value(30.0).run()
+    assert not app.exception
+    assert any("No margin" in x.value and "allowed is from 0.1 to 25 kg" in x.value for x in app.markdown)
+    assert next(t for t in charts(app)[0]["data"] if t.get("name") == "cells")["selectedpoints"] == []
+
+
+def test_wrong_values_in_the_address_are_told():
+    st.cache_resource.clear()
+    at = AppTest.from_file(APP, default_timeout=240)
+    at.query_params["rotor_mass"], at.query_params["layer"], at.query_params["x"] = "-3", "Colour", "1"
+    at.run()
+    assert not at.exception and len(at.error) == 3
+    assert at.session_state["rotor_mass"] == 4.52 and at.session_state["layer"] == "MLE"
+
+
+def test_an_own_design_is_solved_and_the_map_says_whose_it_is():
+    st.cache_resource.clear()
+    at = AppTest.from_file(APP, default_timeout=240)
+    at.query_params["bearing.clearance"] = "3e-05"
+    at.run()
+    assert not at.exception and not at.error
+    assert "reference bearing" in at.info[0].value and "own design (clearance 3e-05)" in " ".join(x.value for x in at.markdown)
+    assert not any("Margin" in x.value for x in at.markdown)  # the map's margin is not this design's
+    before = at.metric[0].value
+    assert at.number_input(key="rpm").value == pytest.approx(reference_design().speed_rpm(3.45) * (3.0 / 3.5) ** 2)
+    at.button(key="use_reference").click().run()
+    assert not at.exception and not at.info and any("Margin" in x.value for x in at.markdown)
+    assert at.metric[0].value != before and not at.query_params
+
+
+def test_the_downloads_are_what_is_shown(app, monkeypatch):
+    taken = {}
+    real = st.delta_generator.DeltaGenerator.download_button
+
+    def seen(self, label, data, name, *more, **options):  # AppTest does not hand out what a button downloads
+        taken[name] = data
+        return real(self, label, data, name, *more, **options)
+
+    monkeypatch.setattr(st.delta_generator.DeltaGenerator, "download_button", seen)
+    monkeypatch.setattr(st, "download_button", lambda *a, **k: seen(st._main, *a, **k))
+    app.button_group(key="layer").select("Regime").run()
+    assert {"stability_map_map.html", "stability_map_map.png", "stability_map_map.csv", "stability_map.npz",
+            "stability_map.nc"} <= taken.keys()
+    assert taken["stability_map.npz"]().startswith(b"PK") and taken["stability_map.nc"]().startswith(b"CDF")
+    page = taken["stability_map_map.html"]()
+    assert b"chosen point" in page and b"quasi-periodic" in page
+    assert len(taken["stability_map_map.csv"]().splitlines()) == load_reference_map().mle.size + 1
+    command = app.code[0].value
+    assert "spab margin --rotor-mass 4.52 --bearing-number 3.45" in command
+    for line in command.splitlines():
+        _build_parser().parse_args(line.split()[1:])  # raises SystemExit for what it does not know
 
 
 def test_an_operating_point_without_exponent_is_said_in_words(app):
@@ -82,18 +184,15 @@ def test_an_operating_point_without_exponent_is_said_in_words(app):
     assert len(verdict(app)) == 1
 
 
-def test_touchdown_is_said_in_words(monkeypatch):
+def test_touchdown_is_said_in_words():
     st.cache_resource.clear()
-    m = load_reference_map()
-    design = m.design.replace(contact__force_at_closure=0.0)
-    monkeypatch.setattr(StabilityMap, "design", design)
     at = AppTest.from_file(APP, default_timeout=240)
-    at.session_state["rotor_mass"], at.session_state["bearing_number"] = 25.0, 0.5
+    at.query_params["contact.force_at_closure"] = "0"
+    at.query_params["rotor_mass"], at.query_params["bearing_number"] = "25", "0.5"
     at.run()
     assert not at.exception
     assert ["No exponent: the journal touched the wall."] == verdict(at)
     assert not at.metric
-    st.cache_resource.clear()
 
 
 def test_a_first_run_says_that_it_compiles(monkeypatch):

@@ -35,10 +35,11 @@ def test_click_a_cell(chromium):
         tools.settled(page)
         Path(OUTPUT).mkdir(exist_ok=True)
         page.screenshot(path=OUTPUT / "clicked.png")
-        text = page.inner_text("body")
+        text, shown = page.inner_text("body"), page.url
     row, column = m.nearest(18.0, 4.5)
-    assert f"Λ {m.bearing_number[row]:.3f}" in text and f"{m.rotor_mass[column]:.2f} kg" in text
-    assert "Chaotic" in text
+    assert point_words(m, row, column) in text
+    assert "Chaotic" in text and "Unstable here (chaotic)" in text
+    assert f"bearing_number={m.bearing_number[row]:.6g}" in shown and "rotor_mass=18" in shown
     assert not messages, messages
     assert all(url.startswith((address, address.replace("http", "ws"), "data:", "blob:")) for url in requests), requests
     print("click to answer: " + ", ".join(f"{s:.2f} s" for s in seconds))
@@ -56,6 +57,10 @@ def click_cell(page, m, row, column):
     page.wait_for_timeout(300)
     began = time.monotonic()
     page.mouse.click(*position)
-    # the caption comes last and names the nearest cell, which is the one clicked
-    page.get_by_text(f"(Λ {number:.3f}, {mass:.2f} kg)").wait_for(timeout=60_000)
+    page.get_by_text(point_words(m, row, column)).wait_for(timeout=60_000)  # the caption comes last and names the point
     return time.monotonic() - began
+
+
+def point_words(m, row, column):
+    """What the caption under the live point says of a cell."""
+    return f"at Λ {m.bearing_number[row]:.4g} and {m.rotor_mass[column]:.4g} kg"

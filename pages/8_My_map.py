@@ -1,0 +1,101 @@
+"""My map: the plane of one's own bearing, solved where it matters within minutes, predicted elsewhere; margin and report."""
+
+import streamlit as st
+
+from spab_core.export import map_table
+from spab_core.quick_map import SECONDS, check_quick_map, usual_plane
+from spab_core.report import report_html, report_pdf
+from spab_core.ui import own_map
+from spab_core.ui.downloads import downloads
+from spab_core.ui.jobs import job_panel
+from spab_core.ui.own_report import report_page
+from spab_core.ui.shared import errors_in_words, page_head
+from spab_core.ui.view import chosen_design, design_option, design_words, set_point
+
+page_head("my map")
+design, state = chosen_design(), st.session_state
+st.markdown(f"#### Map of my bearing: {design_words()}")
+usual = usual_plane(design)
+row = st.container(horizontal=True, vertical_alignment="bottom")
+number = row.text_input("Bearing numbers Λ, start:stop:count", usual[0], key="own_numbers", width=230, max_chars=60)
+mass = row.text_input("Rotor masses in kg, start:stop:count", usual[1], key="own_masses", width=230, max_chars=60)
+minutes = row.number_input("Minutes", 0.5, 600.0, SECONDS / 60.0, 0.5, key="own_minutes", width=110,
+                           help="Wall time of the computation; more minutes solve more cells near the borders")
+layer = row.segmented_control("Layer", own_map.LAYERS, default=own_map.LAYERS[0], key="own_layer", required=True)
+with errors_in_words():
+    check_quick_map(number, mass, 60.0 * minutes)
+    parameters = {"design": design.to_dict(), "bearing_number": number, "rotor_mass": mass, "seconds": 60.0 * minutes}
+
+
+def _clicked() -> None:
+    points = state["own_figure"]["selection"]["points"]
+    found = own_map.published(own_map.map_job(parameters))
+    if points and found and "point_index" in points[0]:
+        i, j = divmod(int(points[0]["point_index"]), len(found[1].rotor_mass))
+        set_point(float(found[1].rotor_mass[j]), float(found[1].bearing_number[i]))
+
+
+left, right = st.columns([1.35, 1], gap="medium")
+with right, errors_in_words():
+    job_panel("map", parameters, f"Map this bearing in {minutes:g} minutes", "own_map")
+
+
+def _plane() -> None:
+    with errors_in_words():
+        found = own_map.published(own_map.map_job(parameters))
+    if found is None:
+        st.info("A coarse plane comes first, within some 20 seconds; then cells are solved where regimes are in doubt. Solved "
+                "cells are dots, the colours between them are predicted. It can be stopped at any time: what is there is kept.")
+        return
+    st.plotly_chart(own_map.own_figure(found, layer, state["rotor_mass"], state["bearing_number"]), key="own_figure",
+                    width="stretch", on_select=_clicked, selection_mode="points", config={"displaylogo": False})
+
+
+with errors_in_words():
+    job = own_map.map_job(parameters)
+    found = own_map.published(job)
+with left:
+    st.fragment(_plane, run_every=4.0 if job and job.active else None)()
+if found:
+    refined, m = found
+    with right:
+        at = own_map.margin_in_map(m, state["rotor_mass"], state["bearing_number"])
+        a, b = st.columns(2)
+        a.number_input("Bearing number Λ", key="bearing_number", step=0.05, format="%.4g")
+        b.number_input("Rotor mass, kg", key="rotor_mass", step=0.1, format="%.4g")
+        if at is None:
+            st.warning("The chosen point lies outside this map.")
+        else:
+            (st.success if at.stable else st.error)(at.headline())
+            st.markdown("\n".join(f"- {text}" for text in at.sentences()))
+        share = own_map.shares(found)
+        cells = st.columns(4)
+        cells[0].metric("Solved cells", f"{int(refined.solved.sum()):,}", help=f"Of {refined.batch.size:,}; the rest predicted")
+        for cell, name in zip(cells[1:], ("periodic", "quasi-periodic", "chaotic"), strict=True):
+            cell.metric(name.capitalize(), f"{100 * share.get(name, 0.0):.1f} %", help="Of the plane, predicted cells included")
+        actions = st.container(horizontal=True)
+        if actions.button("Solve this point", key="own_point", icon=":material/adjust:"):
+            st.switch_page("pages/1_Operating_point.py")
+        with actions:
+            downloads("my_map", {"Map": own_map.own_figure(found, layer, state["rotor_mass"], state["bearing_number"])},
+                      {"Cells": lambda: map_table(m)}, {"npz": job.result.read_bytes},
+                      own_map.map_command(design_option(), number, mass, minutes))
+            with st.popover("Report", icon=":material/description:"), errors_in_words():
+                page = report_page(design, found, at, state["rotor_mass"], state["bearing_number"], number, mass, minutes)
+                st.download_button("Report, HTML", lambda: report_html(*page()).encode(), "report.html", "text/html",
+                                   key="report_html", on_click="ignore", width="stretch")
+                st.download_button("Report, PDF", lambda: report_pdf(report_html(*page())), "report.pdf", "application/pdf",
+                                   key="report_pdf", on_click="ignore", width="stretch")
+
+saved = [j for j in own_map.finished_maps() if job is None or j.id != job.id]
+if found and saved:
+    with st.expander("Compare with another map"):
+        other = st.selectbox("Map", saved, format_func=own_map.job_words, key="own_other")
+        one, two = st.columns(2, gap="medium")
+        for box, which, title in ((one, job, "this map"), (two, other, own_map.job_words(other))):
+            with box, errors_in_words():
+                st.caption(title)
+                st.plotly_chart(own_map.own_figure(own_map.published(which), layer, state["rotor_mass"],
+                                                   state["bearing_number"]), key=f"compared_{which.id}", width="stretch")
+with st.expander("Jobs kept on this machine"), errors_in_words():
+    own_map.jobs_table()

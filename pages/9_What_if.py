@@ -1,0 +1,107 @@
+"""What if: how the margin moves with the drawing, what a run-up crosses, two designs side by side."""
+
+import pandas as pd
+import streamlit as st
+
+from spab_core.derived import derive
+from spab_core.design import parse_design
+from spab_core.figures_point import orbit_figure
+from spab_core.figures_what_if import run_up_figure, tornado_figure
+from spab_core.presets import PRESETS
+from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.ui.downloads import downloads
+from spab_core.ui.jobs import job_panel
+from spab_core.ui.lines import line_command, line_of_job
+from spab_core.ui.shared import errors_in_words, live_point, page_head
+from spab_core.ui.view import chosen_design, design_option, design_words
+from spab_core.what_if import AXES, SCAN, STEPS, load_sensitivity, regime_intervals
+
+page_head("what if")
+design, state = chosen_design(), st.session_state
+st.markdown(f"#### What if: {design_words()}")
+row = st.container(horizontal=True, vertical_alignment="bottom")
+number = row.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, key="bearing_number", step=0.05, format="%.3f", width=160,
+                          help="Of the chosen point, the same on every page")
+mass = row.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%.3f", width=160,
+                        help="Of the chosen point, on one bearing")
+rpm = design.speed_rpm(number)
+row.markdown(f"at **{rpm:,.0f} rpm**: the machine keeps its mass and speed when its bearing changes")
+drawing, run_up, two = st.tabs(["Change the drawing", "Run-up", "Two designs"])
+
+with drawing:
+    row = st.container(horizontal=True, vertical_alignment="bottom")
+    axis = row.segmented_control("Margin in", AXES, default=AXES[0], key="what_axis", required=True)
+    step = row.number_input("Change of each value, %", 100 * STEPS[0], 100 * STEPS[1], 10.0, 1.0, key="what_step", width=200)
+    scan = row.number_input("Points sought to each side", 4, 100, SCAN, key="what_scan", width=200,
+                            help="From half to twice the operating point; a band narrower than their distance can be missed")
+    with errors_in_words():
+        asked = {"design": design.to_dict(), "rotor_mass": mass, "speed_rpm": rpm, "axis": axis, "step": step / 100.0,
+                 "scan": int(scan)}
+        job = job_panel("sensitivity", asked, "Compute the sensitivity (up to a minute)", "what_job")
+        if job:
+            base, table = load_sensitivity(job.result)
+            unit = "rpm" if axis == "speed" else "kg"
+            sides = [f"{word} {value:,.4g} {unit}" for word, value in (("down to", base.below), ("up to", base.above))
+                     if value == value]
+            (st.success if base.stable else st.error)(
+                f"{'Stable' if base.stable else 'Unstable'} at {base.at:,.4g} {unit}, {' and '.join(sides)}; sought from "
+                f"{base.low:,.4g} to {base.high:,.4g} {unit}." if sides else
+                f"{'Stable' if base.stable else 'Unstable'} at {base.at:,.4g} {unit} and everywhere from {base.low:,.4g} to "
+                f"{base.high:,.4g} {unit}.")
+            figure = tornado_figure(base, table)
+            st.plotly_chart(figure, key="tornado", width="stretch")
+            shown = table.assign(factor=100.0 * (table["factor"] - 1.0), distance=100.0 * table["distance"],
+                                 change=100.0 * table["change"])
+            st.dataframe(shown, hide_index=True, column_config={
+                "factor": st.column_config.NumberColumn("change, %", format="%+.0f"), "stable": "stable here",
+                "below": st.column_config.NumberColumn(f"border below, {unit}", format="%.4g"),
+                "above": st.column_config.NumberColumn(f"border above, {unit}", format="%.4g"),
+                "distance": st.column_config.NumberColumn("margin, %", format="%.1f"),
+                "change": st.column_config.NumberColumn("its change, %", format="%+.1f")})
+            downloads("what_if", {"Tornado": figure}, {"Sensitivity": lambda: table})
+
+with run_up:
+    row = st.container(horizontal=True, vertical_alignment="bottom")
+    low, high = (design.speed_rpm(limit) for limit in BEARING_NUMBER_RANGE)
+    first = row.number_input("From, rpm", low, high, max(0.05 * rpm, low), key="run_from", format="%.0f", width=160)
+    last = row.number_input("To, rpm", low, high, min(1.5 * rpm, high), key="run_to", format="%.0f", width=160)
+    count = row.number_input("Speeds", 10, 1000, 100, key="run_count", width=160)
+    with errors_in_words():
+        start, stop = first / design.speed_rpm(1.0), last / design.speed_rpm(1.0)
+        asked = {"design": design.to_dict(), "vary": "bearing-number", "at": mass, "range": f"{start!r}:{stop!r}:{int(count)}",
+                 "sweeps": ["up"], "settings": {"transient": 200, "revolutions": 200}}
+        job = job_panel("bifurcation", asked, "Compute the run-up", "run_job")
+        if job:
+            line = line_of_job(job)
+            branch, speeds = line.branches["up"], design.speed_rpm(1.0) * line.values
+            found = regime_intervals(speeds, branch.regime)
+            figure = run_up_figure(speeds, branch.mle, branch.contact_share, found)
+            st.plotly_chart(figure, key="run_up", width="stretch")
+            left, right = st.columns([1, 1])
+            left.dataframe(found, hide_index=True, column_config={
+                k: st.column_config.NumberColumn(f"{k}, rpm", format="%,.0f") for k in ("start", "stop")})
+            with right:
+                st.caption("Each speed from where the one before ended, settled there: slow compared with the rotor's own "
+                           "motion. A fast run-up crosses narrow bands before they build up.")
+                downloads("run_up", {"Run-up": figure}, {"Regimes": lambda: found}, {"npz": job.result.read_bytes},
+                          line_command(line, ["up"], design_option()))
+
+with two:
+    row = st.container(horizontal=True, vertical_alignment="bottom")
+    name = row.selectbox("Compare with", list(PRESETS), format_func=lambda k: PRESETS[k].label, key="two_preset", width=260)
+    file = row.file_uploader("or a design file (TOML)", "toml", key="two_file", width=420)
+    with errors_in_words():
+        other = parse_design(file.getvalue().decode("utf-8", "replace")) if file else PRESETS[name].design
+        sides = {design_words(): design, file.name if file else PRESETS[name].label: other}
+        records = {}
+        for box, (title, one) in zip(st.columns(2, gap="medium"), sides.items(), strict=False):
+            at = one.bearing_number(design.speed(number))
+            with box:
+                st.markdown(f"**{title}** at {rpm:,.0f} rpm, Λ {at:.3f}, {mass:g} kg")
+                point = live_point(one, mass, at)
+                (st.success if point.regime and point.regime.name == "periodic" else st.error)(point.verdict())
+                st.plotly_chart(orbit_figure(point), key=f"two_{len(records)}", width="stretch")
+                numbers = {name: value for name, value in derive(one, mass, at).record().items() if isinstance(value, float)}
+                records[title] = {"MLE per revolution": point.mle.value if point.mle else None,
+                                  "largest eccentricity": point.max_eccentricity, **numbers}
+        st.dataframe(pd.DataFrame(records).map(lambda value: f"{value:.5g}" if value == value else ""))
