@@ -79,7 +79,7 @@ def at_point(page):
 
 
 def test_journey(address, tools):
-    """Map, click, point, bifurcation, surrogate, download, copied link."""
+    """Map, click, point, bifurcation, surrogate, download, copied link, and back to the point."""
     m, watched = load_reference_map(), Watched(address)
     with tools.browser_page() as page:
         watched.add(page).goto(address)
@@ -136,6 +136,10 @@ def test_journey(address, tools):
         assert f"Compare at Λ {number:.4g}, {mass:.4g} kg" in text and f"{predicted.surrogate.training_cells:,}" in text
         assert "In the address" not in text and copy.url == link
         copy.screenshot(path=OUTPUT / "journey_5_copied_link.png")
+
+        page.get_by_role("button", name="Open this operating point").click()
+        page.wait_for_url("**/Operating_point?**")
+        page.get_by_role("heading", name=f"Λ {number:.3f}").wait_for(timeout=60_000)
     watched.check()
 
 
