@@ -60,7 +60,7 @@ linear-table: .venv/.ready
 manifest: .venv/.ready
 	$(BIN)/python -m spab_core.artifacts
 
-# the README's picture of the dashboard, taken in Chromium
+# the pictures of docs/dashboard.md and the README, taken in Chromium
 pictures: .venv/.ready
 	$(BIN)/python docs/take_pictures.py
 

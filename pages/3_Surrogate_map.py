@@ -32,45 +32,48 @@ with errors_in_words():
 state = st.session_state
 
 
-def _compare(index: int):
-    """Choose a cell to be compared with the live solve; the whole dashboard has it as its point then."""
-    state["compared"] = index
-    row, column = divmod(index, len(m.rotor_mass))
-    set_point(m.rotor_mass[column], m.bearing_number[row])
+def _chosen_cell() -> tuple[int, int]:
+    return m.nearest(state["rotor_mass"], state["bearing_number"])
+
+
+def _mark():
+    """Have the figure show the chosen cell."""
+    row, column = _chosen_cell()
+    state["marked"] = row * len(m.rotor_mass) + column
+
+
+def _compare():
+    state["beside"] = True
 
 
 def _clicked():
+    """Compare the cell clicked; the browser marks it by itself: the figure stays as it is and keeps its zoom."""
     points = state["maps"]["selection"]["points"]
     if points:
-        _compare(int(points[0]["point_index"]))
+        row, column = divmod(int(points[0]["point_index"]), len(m.rotor_mass))
+        set_point(m.rotor_mass[column], m.bearing_number[row])
+        _compare()
 
 
-def _compare_here(index: int):
-    _compare(index)
-    state["compared_mark"] = index
-
-
-def _model_changed():
-    """Another figure must show the cell clicked last, which the browser alone knew; a click itself leaves it as it is."""
-    state["compared_mark"] = state.get("compared")
-
+if "maps" not in state or "marked" not in state:  # the page is opened, or again: the point may have been chosen elsewhere
+    _mark()
 
 st.markdown("#### Surrogate map of the reference bearing")
 a, b, c, d = st.columns([2, 2.2, 0.8, 0.9], vertical_alignment="bottom")
 names = list(MODELS)
-name = a.selectbox("Model", names, key="model", on_change=_model_changed,
+name = a.selectbox("Model", names, key="model", on_change=_mark,
                    format_func=lambda k: f"{MODELS[k].label} ({MODELS[k].group})",
                    help="Paper: the four of Kuo, Lee and Wang. Interpolation: what a designer would do without them.")
-divisor = b.segmented_control("Cells trained on, of n solved ones", DIVISORS, key="divisor", on_change=_model_changed,
+divisor = b.segmented_control("Cells trained on, of n solved ones", DIVISORS, key="divisor", on_change=_mark,
                               format_func=lambda k: f"n/{k}") or 8
-seed = c.number_input("Draw", 0, 999, key="draw", on_change=_model_changed,
+seed = c.number_input("Draw", 0, 999, key="draw", on_change=_mark,
                       help="Which cells are drawn to train on: another number, other cells")
 
 with errors_in_words():
     predicted = predicted_map(name, divisor, int(seed))
 
 found, deviation = errors(m, predicted), float(np.nanstd(m.mle))
-figure = surrogate_figure(m, predicted, state.get("compared_mark"))
+figure = surrogate_figure(m, predicted, state["marked"])
 lives = error_by_regime(m, predicted)
 with d:
     downloads("surrogate", {"Maps": figure}, {
@@ -90,32 +93,28 @@ cells[4].metric("Cells trained on", f"{predicted.surrogate.training_cells:,}")
 if predicted.surrogate.converged is False:
     st.warning("The training of this network stopped at its limit of 500 epochs, before its own criterion was met.")
 
-st.plotly_chart(figure, key="maps", width="stretch", on_select=_clicked,
-                selection_mode="points", config={"displaylogo": False, "scrollZoom": True})
+with st.container(key="wide_maps"):
+    st.plotly_chart(figure, key="maps", width="stretch", on_select=_clicked, selection_mode="points",
+                    config={"displaylogo": False, "scrollZoom": True})
 
-sure = None
-compared = state.get("compared")
-if compared is None:
-    nearest = m.nearest(state["rotor_mass"], state["bearing_number"])
-    a, b = st.columns([3, 1], vertical_alignment="center")
-    a.info("Click a cell of the error map: the prediction there is compared with the live solve.")
-    b.button(f"Compare at Λ {m.bearing_number[nearest[0]]:.3g}, {m.rotor_mass[nearest[1]]:.3g} kg", key="compare_here",
-             width="stretch", on_click=_compare_here, args=(int(nearest[0]) * len(m.rotor_mass) + int(nearest[1]),))
-else:
-    cell = divmod(compared, len(m.rotor_mass))
-    number, mass = float(m.bearing_number[cell[0]]), float(m.rotor_mass[cell[1]])
-    a, b = st.columns([3, 1], vertical_alignment="bottom")
+sure, cell, beside = None, _chosen_cell(), state.get("beside", False)
+number, mass = (float(f"{axis[k]:.6g}") for axis, k in zip((m.bearing_number, m.rotor_mass), cell, strict=True))
+a, b = st.columns([3, 1], vertical_alignment="center")
+if beside:
     a.markdown(f"##### Compared at Λ {number:.3f}, {m.design.speed_rpm(number):,.0f} rpm, {mass:.2f} kg")
     if b.button("Open this operating point", key="open_point", icon=":material/arrow_forward:", width="stretch",
                 on_click=set_point, args=(mass, number)):
         st.switch_page("pages/1_Operating_point.py")
     told = st.empty()
-if compared is not None or state.get("sure"):
+else:
+    a.info("Click a cell of the error map: the prediction there is compared with the live solve.")
+    b.button(f"Compare at Λ {number:.4g}, {mass:.4g} kg", key="compare_here", width="stretch", on_click=_compare)
+if beside or state.get("sure"):
     job = job_panel("intervals", {"model": name, "divisor": divisor, "seed": int(seed)}, "Compute its 90 % intervals",
                     "intervals", auto=True)
     with errors_in_words():
         sure = intervals_of_job(job) if job else None
-if compared is not None:
+if beside:
     with errors_in_words():
         point = live_point(m.design, mass, number)
     interval = (float(sure.low[cell]), float(sure.high[cell])) if sure else None

@@ -47,6 +47,8 @@ def page_head(title: str) -> None:
             "section[data-testid=stSidebar]{width:12.5rem !important;"
             "min-width:12.5rem} [data-testid=stMetricValue]{font-size:1.5rem} "
             "[data-testid=stMetricLabel] p{font-size:.74rem} "
+            # figures that need a width scroll in their own box on a narrow screen
+            "@media(max-width:640px){[class*=st-key-wide_]{overflow-x:auto} [class*=st-key-wide_]>*{min-width:48rem}} "
             # Streamlit names the home page by its file, app.py
             "[data-testid=stSidebarNavItems] span[label=app] p{font-size:0} "
             "[data-testid=stSidebarNavItems] span[label=app] p::after{content:'Stability map';font-size:.875rem}</style>")

@@ -40,6 +40,14 @@ def test_formulas_are_closed():
                 assert paragraph.count("$") % 2 == 0, (name, heading, paragraph)
 
 
+def test_the_guide_shows_every_page():
+    text = (HOME / "docs" / "dashboard.md").read_text("utf-8")
+    names = ["stability_map_light", *(p.stem.partition("_")[2].lower() for p in (ROOT / "pages").glob("*.py"))]
+    for name in names:
+        assert f"(pictures/{name}.png)" in text and (HOME / "docs" / "pictures" / f"{name}.png").is_file(), name
+    assert sum((HOME / "docs" / "pictures" / f"{name}.png").stat().st_size for name in names) < 2e6
+
+
 def test_audit_figure_has_every_cell():
     at = AppTest.from_file(PAGE, default_timeout=30).run()
     traces = json.loads(at.get("plotly_chart")[0].proto.spec)["data"]

@@ -1,0 +1,161 @@
+"""A designer's way through the pages in real Chromium, and every page on a telephone's width. Pictures go to test-output/."""
+
+import importlib.util
+import io
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from spab_core.artifacts import load_reference_map
+from spab_core.pretrained import load_shipped_map
+from spab_core.surrogates import MODELS
+from tests.conftest import ROOT
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
+OUTPUT = ROOT / "test-output"
+NUMBER, MASS = 4.5, 18.0  # in the chaotic band
+
+
+@pytest.fixture(scope="module")
+def tools():
+    spec = importlib.util.spec_from_file_location("take_pictures", ROOT / "docs" / "take_pictures.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    OUTPUT.mkdir(exist_ok=True)
+    return module
+
+
+@pytest.fixture(scope="module")
+def address(chromium, tools):
+    with tools.dashboard() as found:
+        yield found
+
+
+class Watched:
+    """What the browser complains of, and asks of others, in all pages opened."""
+
+    def __init__(self, address):
+        self.address, self.messages, self.requests = address, [], []
+
+    def add(self, page):
+        page.on("console", self._console)
+        page.on("pageerror", lambda error: self.messages.append(str(error)))
+        page.on("request", lambda request: self.requests.append(request.url))
+        return page
+
+    def _console(self, entry):
+        # on an address with a page's name Streamlit looks for its server below that name first, and tells the 404
+        if entry.type == "error" and not ("404" in entry.text and "/_stcore/" in entry.location["url"]):
+            self.messages.append(f"{entry.text} {entry.location}")
+
+    def check(self):
+        assert not self.messages, self.messages
+        allowed = (f"{self.address}/", self.address.replace("http", "ws") + "/", "data:", "blob:")
+        assert self.requests and all(url.startswith(allowed) for url in self.requests), self.requests
+
+
+def click_cell(page, number, mass, axis=""):
+    """Click a cell in the first figure's subplot with these axes."""
+    position = page.evaluate("""([x, y, axis]) => {
+        const plot = document.querySelector('.js-plotly-plot'), layout = plot._fullLayout;
+        const box = plot.querySelector(`.nsewdrag[data-subplot="x${axis}y${axis}"]`).getBoundingClientRect();
+        return [box.left + layout['xaxis' + axis].d2p(x), box.top + layout['yaxis' + axis].d2p(y)];
+    }""", [number, mass, axis])
+    page.mouse.move(*position)
+    page.wait_for_timeout(300)
+    page.mouse.click(*position)
+
+
+def go_to(page, tools, name):
+    page.locator("[data-testid='stSidebarNav']").get_by_role("link", name=name).click()
+    page.wait_for_url(f"**/{name.replace(' ', '_')}?**")
+    tools.settled(page)
+
+
+def at_point(page):
+    assert f"bearing_number={NUMBER:g}" in page.url and f"rotor_mass={MASS:g}" in page.url, page.url
+
+
+def test_journey(address, tools):
+    """Map, click, point, bifurcation, surrogate, download, copied link, and back to the point."""
+    m, watched = load_reference_map(), Watched(address)
+    with tools.browser_page() as page:
+        watched.add(page).goto(address)
+        tools.settled(page)
+        click_cell(page, NUMBER, MASS)
+        page.wait_for_url(f"**bearing_number={NUMBER:g}**")
+        tools.settled(page)
+        at_point(page)
+        page.get_by_text("Chaotic: ").first.wait_for()
+        page.screenshot(path=OUTPUT / "journey_1_map.png")
+
+        go_to(page, tools, "Operating point")
+        at_point(page)
+        page.get_by_role("heading", name="Λ 4.500").wait_for()
+        page.get_by_text("Chaotic: ").first.wait_for()
+        page.screenshot(path=OUTPUT / "journey_2_point.png")
+
+        go_to(page, tools, "Bifurcation")
+        at_point(page)
+        page.get_by_text("Over rotor mass at Λ = 4.5").first.wait_for()  # the line through the point, not the paper's
+        page.screenshot(path=OUTPUT / "journey_3_bifurcation.png")
+
+        go_to(page, tools, "Surrogate map")
+        at_point(page)
+        page.get_by_role("radio", name="n/4").or_(page.get_by_role("button", name="n/4")).first.click()
+        page.wait_for_url("**divisor=4**")
+        tools.settled(page)
+        other = m.nearest(12.0, 6.0)
+        number, mass = float(m.bearing_number[other[0]]), float(m.rotor_mass[other[1]])
+        click_cell(page, number, mass, "3")
+        page.get_by_text(f"Compared at Λ {number:.3f}").wait_for(timeout=60_000)
+        page.get_by_text("interval, ").wait_for(timeout=120_000)  # a background job found it
+        tools.settled(page)
+        predicted = load_shipped_map(m, MODELS["theory-trees"], 4)
+        assert f"Predicted {predicted.mle[other]:+.3f}, solved live" in page.inner_text("body")
+        page.screenshot(path=OUTPUT / "journey_4_surrogate.png")
+
+        page.get_by_test_id("stPopoverButton").filter(has_text="Download").click()
+        for label, name in (("Predicted map, CSV", "surrogate_predicted_map.csv"), ("Data, NPZ", "surrogate.npz")):
+            with page.expect_download() as found:
+                page.get_by_role("button", name=label).click()
+            assert found.value.suggested_filename == name
+            data = found.value.path().read_bytes()
+            mle = (np.load(io.BytesIO(data))["mle"].ravel() if name.endswith("npz")
+                   else pd.read_csv(io.BytesIO(data))["predicted_mle"])
+            assert np.allclose(mle, predicted.mle.ravel(), equal_nan=True)
+        page.keyboard.press("Escape")
+
+        link = page.url
+        copy = watched.add(page.context.browser.new_page(viewport={"width": 1440, "height": 900}))
+        copy.goto(link)
+        tools.settled(copy)
+        text = copy.inner_text("body")
+        assert f"Compare at Λ {number:.4g}, {mass:.4g} kg" in text and f"{predicted.surrogate.training_cells:,}" in text
+        assert "In the address" not in text and copy.url == link
+        copy.screenshot(path=OUTPUT / "journey_5_copied_link.png")
+
+        page.get_by_role("button", name="Open this operating point").click()
+        page.wait_for_url("**/Operating_point?**")
+        page.get_by_role("heading", name=f"Λ {number:.3f}").wait_for(timeout=60_000)
+    watched.check()
+
+
+def test_every_page_on_a_narrow_screen(address, tools):
+    """At 400 px no page scrolls sideways: what is wider scrolls in its own box."""
+    watched, wide = Watched(address), {}
+    with tools.browser_page(400, 800) as page:
+        watched.add(page)
+        for name, place in tools.pages().items():
+            page.goto(f"{address}/{place}?bearing_number={NUMBER:g}&rotor_mass={MASS:g}")
+            tools.settled(page)
+            page.screenshot(path=OUTPUT / f"narrow_{name}.png")
+            assert "Traceback" not in page.inner_text("body") and not page.locator("[data-testid='stException']").count()
+            over = page.evaluate("""() => [document.scrollingElement, document.querySelector("[data-testid='stMain']")]
+                .map(box => box.scrollWidth - box.clientWidth)""")
+            if max(over) > 0:
+                wide[name] = over
+    assert not wide, wide
+    watched.check()
