@@ -144,7 +144,7 @@ def test_an_own_design_is_solved_and_the_map_says_whose_it_is():
     at.query_params["bearing.clearance"] = "3e-05"
     at.run()
     assert not at.exception and not at.error
-    assert "reference bearing" in at.info[0].value and "own design (clearance 3e-05)" in " ".join(x.value for x in at.markdown)
+    assert "reference bearing" in at.info[0].value and "own design (radial clearance 30 µm)" in " ".join(x.value for x in at.markdown)
     assert not any("Margin" in x.value for x in at.markdown)  # the map's margin is not this design's
     before = at.metric[0].value
     assert at.number_input(key="rpm").value == pytest.approx(reference_design().speed_rpm(3.45) * (3.0 / 3.5) ** 2)
