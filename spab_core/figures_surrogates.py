@@ -16,8 +16,9 @@ from spab_core.figures import (
     NEUTRAL,
     SECTION,
 )
+from spab_core.committee import LABELS
 from spab_core.learning_curve import COMMITTEE, summary
-from spab_core.refine import LABELS, Refinement
+from spab_core.refine import Refinement
 from spab_core.stability_map import StabilityMap
 from spab_core.surrogates import MODELS, PredictedMap
 from spab_core.uncertainty import MapIntervals
