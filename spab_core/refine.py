@@ -10,7 +10,7 @@ killed makes the same choices again.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -26,7 +26,8 @@ from spab_core.stability_map import FIELDS, UNREADABLE, MapError, check_plane, n
 MIN_START = 16  # cells
 START = 256  # the coarse start is 1/START of the plane, but no more than a quarter of the budget
 MAX_PLANE = 250_000  # cells that the committee predicts after each batch
-DOUBLING = 6  # batches in which the solved cells double
+DOUBLING = 6  # batches in which the solved cells double, fewer where they would have less than BATCH cells
+BATCH = 16
 # part of a batch drawn by the variance of the exponent, the rest by the impurity of the regime; where linear theory takes the
 # smooth part of the exponent away, what still varies lies at the borders between regimes too
 EXPONENT_SHARE, THEORY_SHARE = 0.3, 0.85
@@ -168,6 +169,13 @@ def check_budget(cells: int, budget: int, seed: int) -> int:
     return max(MIN_START, min(cells // START, int(budget) // 4))
 
 
+def _solved_after_batches(first: int) -> Iterator[int]:
+    while True:
+        steps = min(DOUBLING, max(1, first // BATCH))
+        yield from (round(first * 2.0 ** (k / steps)) for k in range(1, steps + 1))
+        first *= 2
+
+
 Watch = Callable[[np.ndarray, Prediction], None]
 
 
@@ -229,7 +237,7 @@ def refine(bearing_number: np.ndarray, rotor_mass: np.ndarray, oracle: Oracle, b
         share = EXPONENT_SHARE if table is None else THEORY_SHARE
     values = {name: unsolved_values(dtype, count) for name, dtype in FIELDS.items()}
     batch_of = np.full(count, -1, np.int16)
-    cells, batch = choose_start(shape, first, seed, may), 0
+    cells, batch, goals = choose_start(shape, first, seed, may), 0, _solved_after_batches(first)
     while True:
         found = oracle(cells)
         for name in FIELDS:
@@ -241,7 +249,7 @@ def refine(bearing_number: np.ndarray, rotor_mass: np.ndarray, oracle: Oracle, b
             watch(solved, prediction)
         batch += 1
         done, free = int(solved.sum()), may & ~solved
-        goal = min(max(done + 1, round(first * 2.0 ** (batch / DOUBLING))), budget)
+        goal = min(next(goals), budget)
         size = goal - done if allowance is None else min(goal - done, allowance(done))
         own = {"budget": int(budget), "seed": int(seed), "start": first, "batches": batch}
         if publish or size <= 0:
