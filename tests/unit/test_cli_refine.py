@@ -10,7 +10,7 @@ import pytest
 from spab_core import cli_refine, features, save_design
 from spab_core.cli import main
 from spab_core.refine import load_refinement
-from spab_core.stability_map import save_map
+from spab_core.stability_map import load_map, save_map
 from tests.unit.test_surrogates import map_of, with_hole
 
 LIVE = ["refine", "--bearing-number", "2:4:5", "--rotor-mass", "3:9:6", "--mesh", "6x24", "--transient", "10",
@@ -30,10 +30,14 @@ def test_a_study_tells_its_errors(capsys, tmp_path, map_file):
     assert main([*argv, "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["solved"] == 100 and answer["cells"] == 252 and sum(answer["predicted_regimes"].values()) == 252
-    assert 0.0 < answer["rmse_held_out"] < 0.1 and 0.9 < answer["chaos_f1_held_out"] <= 1.0
     assert len(answer["suggested"]) == 24 and answer["suggested"][0]["in_doubt"] == "exponent"
     result = load_refinement(out)
     assert result.solved.sum() == 100 and result.metadata["study"] is True
+    m, held_out = load_map(map_file), ~result.solved
+    error = (result.mle - m.mle)[held_out & np.isfinite(m.mle)]
+    assert answer["rmse_held_out"] == pytest.approx(float(np.sqrt(np.mean(error**2))), rel=1e-4) and error.any()
+    assert answer["accuracy_held_out"] == pytest.approx((result.regime == m.regime)[held_out].mean())
+    assert 0.9 < answer["chaos_f1_held_out"] <= 1.0
     assert main(argv) == 0
     text = capsys.readouterr().out
     assert "F1 of chaos" in text and text.count("solve next: bearing number") == 5
