@@ -12,7 +12,8 @@ from scipy.ndimage import distance_transform_edt
 
 from spab_core.design import Design, InputError, check_number
 from spab_core.features import LinearTable, linear_table, shipped_table
-from spab_core.refine import CHUNK, MAX_PLANE, MIN_START, Refinement, live_oracle, refine
+from spab_core.oracles import CHUNK, live_oracle
+from spab_core.refine import MAX_PLANE, MIN_START, Refinement, refine
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, Settings
 from spab_core.stability_map import StabilityMap, axis, check_plane, map_metadata
 
@@ -82,7 +83,7 @@ def quick_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray
     seed : int
         Of the choice of cells.
     parts : Path
-        Folder of solved cells (:func:`spab_core.refine.live_oracle`): a run that was killed goes on from them.
+        Folder of solved cells (:func:`spab_core.oracles.live_oracle`): a run that was killed goes on from them.
     workers : int
         Processes.
     progress : callable
@@ -99,7 +100,7 @@ def quick_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray
     InputError
         For a plane or time out of range.
     MapError
-        As ``refine.live_oracle``.
+        As ``oracles.live_oracle``.
     """
     began = last = time.perf_counter()
     metadata = map_metadata(design, settings, (len(bearing_number), len(rotor_mass)))
