@@ -11,7 +11,7 @@ from spab_core.cli_jobs import kept_when_stopped
 from spab_core.design import Design, check_number, check_output
 from spab_core.integrate import is_compiled
 from spab_core.map_engine import remove_parts
-from spab_core.quick_map import SECONDS, SETTINGS, as_map, check_quick_map, quick_map, usual_plane
+from spab_core.quick_map import SECONDS, SETTINGS, as_map, check_cluster, check_quick_map, quick_map, usual_plane
 from spab_core.refine import save_refinement
 from spab_core.stability_map import save_map
 
@@ -27,7 +27,8 @@ def add_command(sub, number, whole) -> None:
     sub.add_argument("--seed", type=whole, default=0, help="of the choice of cells")
     sub.add_argument("--workers", type=whole, default=min(2, os.cpu_count() or 1), help="processes")
     sub.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster, such as tcp://host:8786, to solve there")
-    sub.add_argument("--out", required=True, metavar="FILE.npz", help="solved cells and predictions, as spab refine writes them")
+    sub.add_argument("--out", required=True, metavar="FILE.npz",
+                     help="solved cells and predictions, as spab refine writes them")
     sub.add_argument("--map-out", metavar="FILE.npz", help="both as one map, for spab margin and spab export")
 
 
@@ -41,13 +42,14 @@ def design_map(args, design: Design) -> dict:
     for name, path in (("--out", args.out), ("--map-out", args.map_out)):
         if path is not None:
             check_output(path, name)
+    cluster = check_cluster(args.dask or "") or None
     parts = Path(f"{args.out}.parts")
     if not is_compiled():
         print("spab: compiling the kernels, once on this machine (about a minute)", flush=True)
     with (tqdm(total=round(60.0 * args.minutes), unit="s", bar_format="{l_bar}{bar}| {n:.0f} of {total} s") as bar,
           kept_when_stopped(bar, parts, "solved cells")):
         result = quick_map(design, bearing_number, rotor_mass, SETTINGS, seconds=60.0 * args.minutes, seed=args.seed,
-                           parts=parts, workers=args.workers, cluster=args.dask, progress=bar.update,
+                           parts=parts, workers=args.workers, cluster=cluster, progress=bar.update,
                            publish=lambda found: save_refinement(found, args.out))
     save_refinement(result, args.out)
     remove_parts(parts)
