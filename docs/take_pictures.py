@@ -92,17 +92,21 @@ POINT = "bearing_number=4.5&rotor_mass=18"  # of the pictures: in the chaotic ba
 BEFORE = {"surrogate_map": _compare}
 
 
-def main():
+def main(wanted):
     target = ROOT / "docs" / "pictures"
     target.mkdir(exist_ok=True)
     with dashboard() as address, browser_page() as page:
         for name, place in pages().items():
+            if wanted and name not in wanted:
+                continue
             page.goto(f"{address}/{place}?{POINT}")
             settled(page)
             if name in BEFORE:
                 BEFORE[name](page)
                 settled(page)
             shoot(page, target / f"{name}{'' if place else '_light'}.png")
+    if wanted and "stability_map" not in wanted:
+        return
     with dashboard("dark") as address, browser_page() as page:
         page.goto(f"{address}/?{POINT}")
         settled(page)
@@ -110,4 +114,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])  # names of pages; none: all
