@@ -307,7 +307,7 @@ class LinearDisagreement:
 
 
 def critical_masses(table: LinearTable, bearing_number: float) -> np.ndarray:
-    """Rotor masses in kg, rising, where the equilibrium changes its stability at a bearing number: zeros of the table's rate."""
+    """Rotor masses in kg, rising, where the equilibrium changes its stability at a bearing number: zeros of the rate."""
     mass = table.rotor_mass
     rate = table.at(np.full(len(mass), bearing_number), mass)[:, 0]
     k = np.flatnonzero((rate[:-1] < 0.0) != (rate[1:] < 0.0))
