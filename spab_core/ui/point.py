@@ -186,7 +186,7 @@ def verdict_panel(point: OperatingPoint) -> None:
 
 
 def design_controls() -> None:
-    """Every value of the chosen design in drawing units, one number field each; a wrong one is said and not taken. The speed stays."""
+    """Every value of the chosen design in drawing units; a wrong one is said and not taken. The machine keeps its speed."""
     design, state = chosen_design(), st.session_state
     for name, value in to_form(design).items():
         state[f"form_{name}"] = FIELDS[name].high if math.isinf(value) else value
