@@ -1,11 +1,17 @@
 """A refinement as one map: solved cells untouched, predicted ones told apart."""
 
+import json
+
 import numpy as np
+import pytest
 
 from spab_core.artifacts import load_reference_map, load_reference_refinement
+from spab_core.cli import main
 from spab_core.design import InputError, parse_design, reference_design
 from spab_core.presets import PRESETS
-from spab_core.quick_map import as_map, check_quick_map, usual_plane
+from spab_core.quick_map import as_map, check_cluster, check_quick_map, quick_map, usual_plane
+from spab_core.refine import load_refinement
+from spab_core.simulate import Settings
 from spab_core.stability_map import FIELDS, load_map, save_map
 
 
@@ -45,3 +51,37 @@ def test_wrong_planes():
 def test_no_gravity_has_a_plane_too():
     design = parse_design("[rotor]\ngravity = 0.0")
     assert check_quick_map(*usual_plane(design), 60.0)[1][-1] > 1.0
+
+
+def test_on_a_cluster_the_same_cells_have_the_same_values(tmp_path, design):
+    distributed = pytest.importorskip("distributed")
+    number, mass = np.linspace(2.0, 4.0, 4), np.linspace(3.0, 9.0, 5)
+    settings = Settings("2x16", transient=20, revolutions=20)
+    here = quick_map(design, number, mass, settings, seconds=300.0, parts=tmp_path / "here")
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None,
+                                  silence_logs=50) as cluster:
+        there = quick_map(design, number, mass, settings, seconds=300.0, parts=tmp_path / "there",
+                          cluster=check_cluster(cluster.scheduler_address))
+    assert here.solved.all() and there.solved.all()
+    assert np.array_equal(here.values["mle"], there.values["mle"])
+
+
+@pytest.mark.parametrize("address", ["host", "file:///etc/passwd", "tcp://a b:1", "tcp://host", 7, "http://x:80"])
+def test_what_is_no_scheduler(address):
+    with pytest.raises(InputError, match="no address"):
+        check_cluster(address)
+
+
+def test_the_command_maps_and_its_map_has_margins(tmp_path, capsys):
+    plane = ["--bearing-number", "2:4:5", "--rotor-mass", "3:9:5"]
+    out, filled = tmp_path / "own.npz", tmp_path / "filled.npz"
+    assert main(["design", "map", *plane, "--minutes", "5", "--workers", "1", "--out", str(out), "--map-out", str(filled),
+                 "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["solved"] == answer["cells"] == 25 and load_refinement(out).solved.all()
+    assert not (tmp_path / "own.npz.parts").exists()
+    assert main(["margin", "--map", str(filled), "--rotor-mass", "6", "--bearing-number", "3"]) == 0
+    for wrong, told in ((["--minutes", "0"], "seconds = 0 s is out of range"), (["--workers", "0"], "--workers = 0"),
+                        (["--dask", "nowhere"], "no address"), (["--preset", "none"], "no preset 'none'")):
+        assert main(["design", "map", *plane, "--out", str(out), *wrong]) == 2
+        assert told in capsys.readouterr().err
