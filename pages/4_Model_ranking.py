@@ -1,5 +1,7 @@
 """Model ranking: errors of all models over the training fractions, the paper's tables beside ours, and a suggestion."""
 
+import hashlib
+
 import numpy as np
 import pandas as pd
 import streamlit as st
@@ -7,9 +9,13 @@ import streamlit as st
 from spab_core.artifacts import load_reference_scores
 from spab_core.evaluation import PAPER_RMSE, ranking, spread, suggestion, table
 from spab_core.figures_surrogates import fraction_figure
+from spab_core.foreign import read_samples, samples_bytes
+from spab_core.job_kinds import SAMPLES
 from spab_core.surrogates import DIVISORS, MODELS
 from spab_core.ui.downloads import downloads
+from spab_core.ui.jobs import job_panel
 from spab_core.ui.shared import block_scores, errors_in_words, page_head, reference_map
+from spab_core.ui.view import chosen_design, design_words
 
 page_head("model ranking")
 
@@ -78,3 +84,27 @@ st.dataframe(beside.style.format("{:.2f}"), width="stretch")
 st.caption(f"Ours over {deviation:.3f} per revolution. The paper does not tell its unit; its SVM column, 0.98 to 0.99, is "
            "taken as one standard deviation of its map, so its numbers stand as printed. Two different bearings: compare the "
            "pattern.")
+
+st.markdown("##### On your own data")
+st.caption("Exponents measured or computed elsewhere: a CSV file with the columns Λ, m_r (kg on one bearing) and MLE (per "
+           "revolution, natural logarithm), on a grid or not. The same protocol is run on them.")
+file = st.file_uploader("CSV file", "csv", key="own_data")
+if file is not None:
+    with errors_in_words():
+        samples = read_samples(file.getvalue())
+        data = samples_bytes(samples)
+        left = f", {samples.left_out:,} rows without an exponent left out" if samples.left_out else ""
+        st.caption(f"{len(samples.mle):,} points{left}. {design_words().capitalize()} gives the linear theory that some models "
+                   "start from.")
+        job = job_panel("ranking", {"design": chosen_design().to_dict(), "samples": hashlib.sha256(data).hexdigest()},
+                        "Train and rank the models on them", "own_ranking", files={SAMPLES: data})
+        if job:
+            own = pd.read_csv(job.result)
+            own_best = ranking(own)
+            st.success(suggestion(own_best))
+            own_found = table(own, "rmse_held_out")[own_best.index]
+            own_lines = [name for name in fractions if name in own_found.index]
+            own_figure = fraction_figure(own_found.loc[own_lines], spread(own, "rmse_held_out"), "RMSE per revolution")
+            st.plotly_chart(own_figure, key="own_lines", width="stretch")
+            st.dataframe(own_found.rename(columns=lambda k: MODELS[k].label).style.format("{:.4f}"), width="stretch")
+            downloads("own_ranking", {"RMSE": own_figure}, {"Scores": lambda: own})

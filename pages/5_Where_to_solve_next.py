@@ -5,9 +5,9 @@ from functools import partial
 import streamlit as st
 
 from spab_core.artifacts import REFINED, checked_bytes, load_reference_refinement
+from spab_core.committee import DAMPED
 from spab_core.figures_surrogates import REFINE_LAYERS, learning_curve_figure, refinement_figure
 from spab_core.learning_curve import GOAL, goal, load_learning_curve
-from spab_core.refine import DAMPED
 from spab_core.ui.downloads import downloads
 from spab_core.ui.shared import errors_in_words, page_head
 

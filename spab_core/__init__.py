@@ -35,7 +35,9 @@ uncertainty     Conformal intervals, probability of instability and its reliabil
 evaluation      How well they do: the paper's metrics, tables and ranking
 what_if         What a changed drawing does to the margin; what a run-up crosses
 foreign         Exponents from elsewhere, read from CSV, to train and rank surrogates on
-refine          Where to solve next: cells worth solving, live or out of a solved map -> Refinement
+committee       What the solved cells of a plane say of all others -> Prediction; how well on a solved map
+oracles         Values of picked cells: out of a solved map, or solved live with resume
+refine          Where to solve next: cells worth solving -> Refinement
 quick_map       A map of one's own bearing in minutes
 artifacts       What is shipped, with checksums
 learning_curve  What refining saves: errors over the number of solved cells, chosen and drawn at random

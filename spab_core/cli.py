@@ -105,7 +105,7 @@ def _build_parser() -> argparse.ArgumentParser:
     cli_refine.add_command(command, run_options, _whole, (_design, _settings, _say_compiling))
     cli_models.add_commands(commands, _whole)
     cli_jobs.add_commands(commands)
-    cli_design.add_commands(commands, _number)
+    cli_design.add_commands(commands, _number, _whole)
     cli_dashboard.add_command(commands, _whole)
     cli_margin.add_commands(commands, _number)
     return parser

@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 
+from spab_core.cli_design_map import add_command as add_map_command
+from spab_core.cli_design_map import design_map
 from spab_core.coefficient_table import FORMATS, check_table_output, coefficient_table, save_table
 from spab_core.coefficients import (
     LEAST_STABLE,
@@ -26,17 +28,18 @@ from spab_core.stability_map import axis
 MAX_ROWS = 1000
 
 
-def add_commands(commands, number) -> None:
-    """Add ``design`` and what belongs to it to the parser's commands; ``number`` reads a float."""
+def add_commands(commands, number, whole) -> None:
+    """Add ``design`` and what belongs to it to the parser's commands; ``number`` reads a float, ``whole`` an integer."""
     text = "designs: presets, files, derived numbers, coefficients for rotor programs"
     parser = commands.add_parser("design", help=text, description=text, allow_abbrev=False)
     subs = parser.add_subparsers(dest="design_command", required=True, parser_class=type(parser))
 
-    def command(name, text, run, point=True):
+    def command(name, text, run, design=True, point=True):
         sub = subs.add_parser(name, help=text, description=text, allow_abbrev=False)
-        if point:
+        if design:
             sub.add_argument("--design", metavar="FILE.toml", help="design file; left out: the reference design")
             sub.add_argument("--preset", help=f"in place of --design: {', '.join(PRESETS)}")
+        if point:
             sub.add_argument("--rotor-mass", type=number, required=True, help="kg on one bearing")
             sub.add_argument("--mesh", default=str(DEFAULT_MESH), help="latitudes x azimuths of the half band, such as 4x48")
         sub.add_argument("--json", action="store_true", help="print one JSON object")
@@ -46,8 +49,8 @@ def add_commands(commands, number) -> None:
     sub = command("show", "what a design means at an operating point: groups, equilibrium, gas flow, stiffness, whirl", _show)
     sub.add_argument("--rpm", type=number, help="shaft speed; or give --bearing-number")
     sub.add_argument("--bearing-number", type=number, help="shaft speed as bearing number")
-    command("presets", "the designs that come with spab", _presets, point=False)
-    sub = command("new", "write a preset's design file, to be changed", _new, point=False)
+    command("presets", "the designs that come with spab", _presets, design=False, point=False)
+    sub = command("new", "write a preset's design file, to be changed", _new, design=False, point=False)
     sub.add_argument("--preset", required=True, help=", ".join(PRESETS))
     sub.add_argument("--out", required=True, metavar="FILE.toml")
     sub = command("coefficients", "stiffness and damping at the static equilibrium as a table, as ROSS reads it", _coefficients)
@@ -59,6 +62,9 @@ def add_commands(commands, number) -> None:
                           f"or {LEAST_STABLE} (left out): at each speed that of the rotor's least stable whirl, which gives "
                           "the right limit of stability")
     sub.add_argument("--out", required=True, metavar="FILE", help=f"table; ends in {' or '.join(FORMATS)}")
+    sub = command("map", "the map of a bearing in minutes: cells solved where regimes are in doubt, the others predicted",
+                  lambda args: design_map(args, _design(args)), point=False)
+    add_map_command(sub, number, whole)
 
 
 def _design(args) -> Design:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -10,22 +11,13 @@ import numpy as np
 from tqdm import tqdm
 
 from spab_core.cli_jobs import kept_when_stopped
-from spab_core.design import InputError, check_number, check_output
-from spab_core.features import table_for
+from spab_core.committee import LABELS, Prediction, scores
+from spab_core.design import Design, InputError, check_number, check_output
+from spab_core.features import PLANE, LinearTable, shipped_table, table_for
 from spab_core.map_engine import remove_parts
-from spab_core.refine import (
-    LABELS,
-    Prediction,
-    Refinement,
-    check_budget,
-    live_oracle,
-    map_oracle,
-    refine,
-    save_refinement,
-    scores,
-)
+from spab_core.oracles import live_oracle, map_oracle
+from spab_core.refine import Refinement, check_budget, refine, save_refinement
 from spab_core.stability_map import axis, check_plane, load_map, map_metadata
-from spab_core.surrogates import linear_table_of
 
 _SHOWN = 5  # suggestions printed; the file holds all
 
@@ -43,13 +35,14 @@ def add_command(command, run_options, whole, solver) -> None:
     sub.add_argument("--out", required=True, metavar="FILE.npz",
                      help="solved cells, predicted exponent and regime of all cells, and what to solve next")
     sub.add_argument("--workers", type=whole, default=1, help="processes")
+    sub.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster, such as tcp://host:8786, to solve there")
     sub.add_argument("--seed", type=whole, default=0, help="of the start, the trees and the draws")
     sub.add_argument("--map", metavar="FILE.npz", help="a study: plane and values from this map, none solved; errors told")
     run_options(sub, 300)
     own = {"workers": sub.get_default("workers")}
     own |= {name: sub.get_default(name) for name in ("design", "mesh", "transient", "revolutions", "method", "scheme",
                                                      "tolerance", "full_length")}
-    sub.set_defaults(run=partial(_refine, solver=solver, unused=own | {"bearing_number": None, "rotor_mass": None}))
+    sub.set_defaults(run=partial(_refine, solver=solver, unused=own | dict.fromkeys(("bearing_number", "rotor_mass", "dask"))))
 
 
 def _refine(args, solver, unused) -> dict:
@@ -69,13 +62,23 @@ def _study(args, unused) -> dict:
         last[:] = [prediction]
         bar.update(int(solved.sum()) - bar.n)
 
+    table = _table(m.design, m.bearing_number, m.rotor_mass)
     with tqdm(total=args.budget, unit="cell", smoothing=0.05) as bar:
         result = refine(m.bearing_number, m.rotor_mass, map_oracle(m), args.budget, args.seed,
-                        table=linear_table_of(m), watch=watch, metadata=m.metadata | {"study": True})
+                        table=table, watch=watch, metadata=m.metadata | {"study": True})
     save_refinement(result, args.out)
     found = {name: value if np.isfinite(value) else None
              for name, value in scores(m, last[0], ~result.solved.ravel()).items()}
     return _answer(args, result, {f"{name}_held_out": value for name, value in found.items()})
+
+
+def _table(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray) -> LinearTable:
+    """Linear theory over the plane; says so first where it must be computed."""
+    plane = tuple((float(a.min()), float(a.max())) for a in (bearing_number, rotor_mass))
+    inside = all(least <= low and high <= most for (low, high), (least, most) in zip(plane, PLANE, strict=True))
+    if design != shipped_table().design or not inside:
+        tqdm.write("spab: linear stability of this bearing over the plane (about half a minute)", file=sys.stderr)
+    return table_for(design, plane)
 
 
 def _solve(args, design, settings, say_compiling) -> dict:
@@ -89,9 +92,9 @@ def _solve(args, design, settings, say_compiling) -> dict:
     metadata = map_metadata(chosen, how, (len(bearing_number), len(rotor_mass))) | {"study": False}
     with (tqdm(total=args.budget, unit="cell", smoothing=0.05) as bar, kept_when_stopped(bar, parts, "solved cells"),
           live_oracle(chosen, bearing_number, rotor_mass, how, parts=parts, plan={"seed": args.seed, "start": start},
-                      workers=args.workers, progress=bar.update) as oracle):
+                      workers=args.workers, cluster=args.dask, progress=bar.update) as oracle):
         say_compiling()
-        table = table_for(chosen, ((bearing_number.min(), bearing_number.max()), (rotor_mass.min(), rotor_mass.max())))
+        table = _table(chosen, bearing_number, rotor_mass)
         result = refine(bearing_number, rotor_mass, oracle, args.budget, args.seed, table=table, metadata=metadata)
     save_refinement(result, args.out)
     remove_parts(parts)

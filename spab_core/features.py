@@ -76,12 +76,6 @@ class LinearTable:
         found[:, :2] /= number[:, None]
         return found
 
-    def critical_masses(self, bearing_number: float) -> np.ndarray:
-        """Rotor masses in kg, rising, where the equilibrium changes its stability at a bearing number: zeros of the rate."""
-        rate = self.at(np.full(len(self.rotor_mass), bearing_number), self.rotor_mass)[:, 0]
-        k = np.flatnonzero((rate[:-1] < 0.0) != (rate[1:] < 0.0))
-        return self.rotor_mass[k] + np.diff(self.rotor_mass)[k] * rate[k] / (rate[k] - rate[k + 1])
-
 
 def _without_gaps(values: np.ndarray) -> np.ndarray:
     """Nodes without an equilibrium take the nearest node's values."""

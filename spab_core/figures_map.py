@@ -24,18 +24,20 @@ _REGIMES = (  # label, colour, whether (regime, period) belongs
 )
 _SMOOTHED = 1.2  # cells: chaos in single cells leaves no island in the border
 _HOVER = ("Λ %{x:.3f} (%{customdata[0]:,.0f} rpm), %{y:.2f} kg<br><b>%{text}, MLE %{customdata[1]:+.3f} ± "
-          "%{customdata[2]:.3f}</b><br>contact %{customdata[3]:.1f} %, largest eccentricity %{customdata[4]:.3f}"
-          "<extra></extra>")
+          "%{customdata[2]:.3f}</b><br>contact %{customdata[3]:.1f} %, largest eccentricity %{customdata[4]:.3f}")
 
 
-def _hover(m: StabilityMap) -> dict:
+def _hover(m: StabilityMap, predicted: PredictedMap | None) -> dict:
     """Numbers in binary and short names: a sentence for each of 42,500 cells would be megabytes."""
     rpm = np.repeat(m.design.speed_rpm(1.0) * m.bearing_number, len(m.rotor_mass))
-    columns = [rpm, *(a.ravel() for a in (m.mle, m.mle_standard_error, 100 * m.contact_share, m.max_eccentricity))]
+    arrays, template = [m.mle, m.mle_standard_error, 100 * m.contact_share, m.max_eccentricity], _HOVER
+    if predicted is not None:
+        arrays.append(predicted.mle)
+        template += "<br>MLE predicted %{customdata[5]:+.3f}"
     cells = list(zip(*(a.ravel().tolist() for a in (m.regime, m.period, m.status)), strict=True))
     names = {(r, p, s): Regime(r, p).text if r else f"no exponent ({s})" for r, p, s in set(cells)}
-    return {"customdata": np.column_stack(columns).astype(np.float32), "text": [names[c] for c in cells],
-            "hovertemplate": _HOVER}
+    return {"customdata": np.column_stack([rpm, *(a.ravel() for a in arrays)]).astype(np.float32),
+            "text": [names[c] for c in cells], "hovertemplate": template + "<extra></extra>"}
 
 
 def _layer(m: StabilityMap, layer: str, predicted: PredictedMap | None) -> dict:
@@ -111,7 +113,7 @@ def map_figure(m: StabilityMap, layer: str = "MLE", predicted: PredictedMap | No
     b, kg = np.meshgrid(m.bearing_number, m.rotor_mass, indexing="ij")
     figure.add_scattergl(
         x=b.ravel().astype(np.float32), y=kg.ravel().astype(np.float32), mode="markers", name="cells", showlegend=False,
-        marker={"size": 9, "opacity": 0, "symbol": "x", "line": {"color": "#ffffff", "width": 1.5}}, **_hover(m),
+        marker={"size": 9, "opacity": 0, "symbol": "x", "line": {"color": "#ffffff", "width": 1.5}}, **_hover(m, predicted),
         selected={"marker": {"opacity": 1, "size": 14, "color": "#000000"}}, unselected={"marker": {"opacity": 0}})
     (x0, x1), y_range = _span(m.bearing_number), _span(m.rotor_mass)
     rpm = m.design.speed_rpm(1.0)

@@ -7,6 +7,7 @@ import pandas as pd
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from spab_core.committee import LABELS
 from spab_core.figures import (
     BEARING_NUMBER_LABEL,
     DISC,
@@ -17,7 +18,7 @@ from spab_core.figures import (
     SECTION,
 )
 from spab_core.learning_curve import COMMITTEE, summary
-from spab_core.refine import LABELS, Refinement
+from spab_core.refine import Refinement
 from spab_core.stability_map import StabilityMap
 from spab_core.surrogates import MODELS, PredictedMap
 from spab_core.uncertainty import MapIntervals

@@ -18,7 +18,7 @@ from spab_core.map_engine import remove_parts
 from spab_core.point import solve_point
 from spab_core.point_file import save_point
 from spab_core.private_folder import own_bytes
-from spab_core.quick_map import SECONDS, check_quick_map, quick_map
+from spab_core.quick_map import SECONDS, check_cluster, check_quick_map, quick_map
 from spab_core.quick_map import SETTINGS as MAP_SETTINGS
 from spab_core.refine import save_refinement
 from spab_core.simulate import Settings, check_point
@@ -162,13 +162,15 @@ def _run_ranking(folder: Path, parameters: dict, advance: Advance, set_total: Se
 
 
 def _check_map(parameters: dict) -> dict:
-    design, number, mass, seconds, seed, settings = _taken(
-        parameters, design={}, bearing_number=..., rotor_mass=..., seconds=SECONDS, seed=0, settings=MAP_SETTINGS.to_dict())
+    design, number, mass, seconds, seed, settings, cluster = _taken(
+        parameters, design={}, bearing_number=..., rotor_mass=..., seconds=SECONDS, seed=0, settings=MAP_SETTINGS.to_dict(),
+        dask="")
     check_quick_map(number, mass, seconds)
     if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**32:
         raise InputError(f"seed = {str(seed)[:40]} must be a whole number from 0 to {2**32 - 1}")
     return {"design": Design.from_dict(design).to_dict(), "bearing_number": str(number), "rotor_mass": str(mass),
-            "seconds": float(seconds), "seed": seed, "settings": _settings(settings).to_dict()}
+            "seconds": float(seconds), "seed": seed, "settings": _settings(settings).to_dict(),
+            "dask": check_cluster(cluster)}
 
 
 def _run_map(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:
@@ -183,7 +185,8 @@ def _run_map(folder: Path, parameters: dict, advance: Advance, set_total: SetTot
     number, mass = check_quick_map(parameters["bearing_number"], parameters["rotor_mass"], seconds)
     result = quick_map(Design.from_dict(parameters["design"]), number, mass, Settings(**parameters["settings"]),
                        seconds=seconds, seed=parameters["seed"], parts=folder / "parts", workers=min(2, os.cpu_count() or 1),
-                       progress=progress, publish=lambda r: save_refinement(r, folder / "result.npz"))
+                       cluster=parameters["dask"] or None, progress=progress,
+                       publish=lambda r: save_refinement(r, folder / "result.npz"))
     save_refinement(result, folder / "result.npz")
     remove_parts(folder / "parts")
 

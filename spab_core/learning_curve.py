@@ -9,19 +9,10 @@ import numpy as np
 import pandas as pd
 
 from spab_core.artifacts import HOME
+from spab_core.committee import Prediction, exponent_scores, plane_inputs, predict_plane, regime_scores, scores
 from spab_core.design import InputError
-from spab_core.refine import (
-    START,
-    Prediction,
-    exponent_scores,
-    linear_columns,
-    map_oracle,
-    plane_inputs,
-    predict_plane,
-    refine,
-    regime_scores,
-    scores,
-)
+from spab_core.oracles import map_oracle
+from spab_core.refine import START, refine
 from spab_core.stability_map import StabilityMap
 from spab_core.surrogates import MODELS, linear_table_of, train
 
@@ -56,7 +47,7 @@ def learning_curve(m: StabilityMap, seeds: Sequence[int] = SEEDS, models: Sequen
     -------
     DataFrame
         One row a prediction, columns :data:`COLUMNS`. ``strategy``: ``refine`` or ``random``. ``model``: ``committee``, the
-        trees of :func:`spab_core.refine.predict_plane`, or a name of ``MODELS`` (random draws of n/4 only; chaos is where it
+        trees of :func:`spab_core.committee.predict_plane`, or a name of ``MODELS`` (random draws of n/4 only; chaos is where it
         predicts an exponent over :data:`CHAOTIC_MLE`). ``judged``: ``unsolved``, on all cells not solved, which are not the
         same cells for both; or ``withheld``, on a random fifth of the cells that neither may solve.
 
@@ -83,9 +74,8 @@ def _one_seed(m: StabilityMap, seed: int, names: Sequence[str]) -> Iterator[tupl
     order = rng.permutation(count)
     withheld = np.zeros(count, bool)
     withheld[rng.permutation(count)[:count // WITHHELD]] = True
-    inputs, number = plane_inputs(m.bearing_number, m.rotor_mass), np.repeat(m.bearing_number, len(m.rotor_mass))
     table = linear_table_of(m)
-    linear = linear_columns(m.bearing_number, m.rotor_mass, table)
+    inputs = plane_inputs(m.bearing_number, m.rotor_mass, table)
     for judged, allowed, divisors in (("unsolved", np.ones(count, bool), DIVISORS),
                                       ("withheld", ~withheld, WITHHELD_DIVISORS)):
         found: dict[int, dict] = {}
@@ -102,7 +92,7 @@ def _one_seed(m: StabilityMap, seed: int, names: Sequence[str]) -> Iterator[tupl
             solved = np.zeros(count, bool)
             solved[drawn[:sizes[divisor]]] = True
             cells = withheld if judged == "withheld" else ~solved
-            prediction = predict_plane(inputs, number, solved, m.mle.ravel(), m.regime.ravel(), seed, linear)
+            prediction = predict_plane(inputs, solved, m.mle.ravel(), m.regime.ravel(), seed)
             yield ("random", COMMITTEE, judged, divisor, sizes[divisor], seed, *scores(m, prediction, cells).values())
         for name in names:  # on the last draw, the largest
             yield ("random", name, judged, divisor, sizes[divisor], seed, *_model_scores(m, name, solved, cells, seed))

@@ -306,6 +306,14 @@ class LinearDisagreement:
                 f"Linearly stable, yet quasi-periodic or chaotic, driven by the unbalance: {self.driven.text()}."]
 
 
+def critical_masses(table: LinearTable, bearing_number: float) -> np.ndarray:
+    """Rotor masses in kg, rising, where the equilibrium changes its stability at a bearing number: zeros of the rate."""
+    mass = table.rotor_mass
+    rate = table.at(np.full(len(mass), bearing_number), mass)[:, 0]
+    k = np.flatnonzero((rate[:-1] < 0.0) != (rate[1:] < 0.0))
+    return mass[k] + np.diff(mass)[k] * rate[k] / (rate[k] - rate[k + 1])
+
+
 def against_linear(m: StabilityMap, table: LinearTable) -> LinearDisagreement:
     """Compare a map with linear stability; ``table`` is of the map's design and covers its plane."""
     number, mass = (a.ravel() for a in np.meshgrid(m.bearing_number, m.rotor_mass, indexing="ij"))

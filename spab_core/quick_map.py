@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 from functools import partial
@@ -12,7 +13,8 @@ from scipy.ndimage import distance_transform_edt
 
 from spab_core.design import Design, InputError, check_number
 from spab_core.features import LinearTable, linear_table, shipped_table
-from spab_core.refine import CHUNK, MAX_PLANE, MIN_START, Refinement, live_oracle, refine
+from spab_core.oracles import CHUNK, live_oracle
+from spab_core.refine import MAX_PLANE, MIN_START, Refinement, refine
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, Settings
 from spab_core.stability_map import StabilityMap, axis, check_plane, map_metadata
 
@@ -50,6 +52,13 @@ def check_quick_map(bearing_number: str, rotor_mass: str, seconds: float) -> tup
     return number, mass
 
 
+def check_cluster(address: str) -> str:
+    """The address of a Dask scheduler, "" for none. Raises ``InputError`` for anything else."""
+    if not isinstance(address, str) or not re.fullmatch(r"((tcp|tls|ws|wss)://[\w.:\[\]-]{1,200}:\d{1,5})?", address):
+        raise InputError(f"the Dask scheduler {str(address)[:60]!r} is no address: allowed is one such as tcp://host:8786")
+    return address
+
+
 def _table(design: Design, number: np.ndarray, mass: np.ndarray) -> LinearTable | None:
     """What linear theory knows of the plane; None where the design has no static equilibrium."""
     if len(number) < 2 or len(mass) < 2:
@@ -64,7 +73,7 @@ def _table(design: Design, number: np.ndarray, mass: np.ndarray) -> LinearTable 
 
 
 def quick_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray, settings: Settings = SETTINGS, *,
-              seconds: float = SECONDS, seed: int = 0, parts: Path, workers: int = 1,
+              seconds: float = SECONDS, seed: int = 0, parts: Path, workers: int = 1, cluster: str | None = None,
               progress: Callable[[float], None] | None = None,
               publish: Callable[[Refinement], None] | None = None) -> Refinement:
     """Solve as many cells as the time allows, where regimes are most in doubt, and predict the rest.
@@ -82,9 +91,11 @@ def quick_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray
     seed : int
         Of the choice of cells.
     parts : Path
-        Folder of solved cells (:func:`spab_core.refine.live_oracle`): a run that was killed goes on from them.
+        Folder of solved cells (:func:`spab_core.oracles.live_oracle`): a run that was killed goes on from them.
     workers : int
         Processes.
+    cluster : str
+        Address of a Dask scheduler to solve there instead.
     progress : callable
         Called with the seconds gone since the last call.
     publish : callable
@@ -99,7 +110,7 @@ def quick_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray
     InputError
         For a plane or time out of range.
     MapError
-        As ``refine.live_oracle``.
+        As ``oracles.live_oracle``.
     """
     began = last = time.perf_counter()
     metadata = map_metadata(design, settings, (len(bearing_number), len(rotor_mass)))
@@ -114,7 +125,7 @@ def quick_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray
         last = now
 
     with live_oracle(design, bearing_number, rotor_mass, settings, parts=parts, plan={"quick": seed}, workers=workers,
-                     progress=tick) as oracle:
+                     cluster=cluster, progress=tick) as oracle:
         run = partial(refine, bearing_number, rotor_mass, oracle, seed=seed, share=SHARE, metadata=metadata, publish=publish)
         first = run(coarse, start=coarse)
         table = _table(design, bearing_number, rotor_mass)

@@ -1,138 +1,39 @@
 """Where to solve next: picks the cells of a plane worth solving, from a coarse start, and predicts the others.
 
-A committee of randomised trees learns from the solved cells. Cells are then drawn, a batch at a time, in proportion to what the
-committee expects to get wrong: the variance of the exponent among its trees (the expected squared error, which lives in the
-strongly damped corner of low bearing numbers) for one part of a batch, the impurity of the regime (the expected rate of wrong
-labels, which lives at the borders) for the rest; never two neighbours in one batch. A choice depends on the solved values, the
-seed and the number of the batch alone, so a run that was killed makes the same choices again.
+The committee of :mod:`spab_core.committee` learns from the solved cells. Cells are then drawn, a batch at a time, where it
+expects to be wrong: by the variance of the exponent among its trees (the expected squared error) for one part of a batch, in
+proportion to the impurity of the regime (the expected rate of wrong labels, which lives at the borders) for the rest; never two
+neighbours in one batch. A choice depends on the solved values, the seed and the number of the batch alone, so a run that was
+killed makes the same choices again.
 """
 
 from __future__ import annotations
 
-import contextlib
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import joblib
 import numpy as np
 import pandas as pd
-from sklearn.ensemble import ExtraTreesClassifier, ExtraTreesRegressor
 
+from spab_core.committee import LABELS, Prediction, plane_inputs, predict_plane
 from spab_core.design import Design, InputError, check_number, write_atomically
-from spab_core.evaluation import mae, rmse
 from spab_core.features import LinearTable
-from spab_core.map_engine import cluster_or_processes, locked, open_run, solve_chunk
-from spab_core.regimes import REGIMES
-from spab_core.simulate import Settings
-from spab_core.stability_map import FIELDS, UNREADABLE, MapError, StabilityMap, check_plane, npz_bytes
+from spab_core.oracles import Oracle, unsolved_values
+from spab_core.stability_map import FIELDS, UNREADABLE, MapError, check_plane, npz_bytes
 
 MIN_START = 16  # cells
 START = 256  # the coarse start is 1/START of the plane, but no more than a quarter of the budget
 MAX_PLANE = 250_000  # cells that the committee predicts after each batch
-TREES = 60
-DOUBLING = 4  # batches in which the solved cells double
+DOUBLING = 6  # batches in which the solved cells double, fewer where they would have less than BATCH cells
+BATCH = 16
 # part of a batch drawn by the variance of the exponent, the rest by the impurity of the regime; where linear theory takes the
 # smooth part of the exponent away, what still varies lies at the borders between regimes too
-EXPONENT_SHARE, THEORY_SHARE = 0.3, 0.92
+EXPONENT_SHARE, THEORY_SHARE = 0.3, 0.85
+SHARPNESS = 1.25  # the power of the variance to which draws are proportional
 EXPLORE = 1e-3  # impurity below which no cell is taken to be: an island that no solved cell has met can be found
 SUGGESTIONS = 24  # cells named to be solved next
-CHUNK = 5  # cells solved between two checkpoints
-DAMPED = 0.15  # bearing number below which exponents reach -38 per revolution: errors are told without them too
-LABELS = (*REGIMES, "")  # "": the run fails, no exponent
-
-Oracle = Callable[[np.ndarray], dict[str, np.ndarray]]  # flat indices (k,) -> values (k,) by the names of FIELDS
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """What the committee says of every cell of a plane.
-
-    Attributes
-    ----------
-    mle, deviation : ndarray, (n,)
-        Mean and standard deviation over the trees, per revolution; nan where fewer than two solved cells have an exponent.
-    probability : ndarray, (n, 4)
-        Share of the trees' votes for each of :data:`LABELS`.
-    """
-
-    mle: np.ndarray
-    deviation: np.ndarray
-    probability: np.ndarray
-
-    @property
-    def regime(self) -> np.ndarray:
-        """The likeliest of :data:`LABELS`, (n,) of str."""
-        return np.array(LABELS)[self.probability.argmax(1)]
-
-    @property
-    def unstable(self) -> np.ndarray:
-        """Probability that the motion is not periodic, a run that fails (touchdown) included, (n,)."""
-        return 1.0 - self.probability[:, LABELS.index("periodic")]
-
-    @property
-    def impurity(self) -> np.ndarray:
-        """Gini impurity of the regime, (n,): the rate of wrong labels if they were drawn by their probabilities."""
-        return 1.0 - (self.probability**2).sum(1)
-
-
-def linear_columns(bearing_number: np.ndarray, rotor_mass: np.ndarray, table: LinearTable) -> np.ndarray:
-    """Decay rate per revolution, whirl frequency and static eccentricity of each cell by linear theory, (n, 3)."""
-    number, mass = np.meshgrid(bearing_number, rotor_mass, indexing="ij")
-    return table.at(number.ravel(), mass.ravel())
-
-
-def plane_inputs(bearing_number: np.ndarray, rotor_mass: np.ndarray) -> np.ndarray:
-    """What the trees see of each cell of a plane, (n, 6) in the order of ``mle.ravel()``.
-
-    Both axes scaled to [0, 1], their sum and difference, ln(m Λ) and ln(m Λ²); the last is, up to a constant, that of the
-    dimensionless mass. Trees split along axes, and the borders between regimes run obliquely.
-    """
-    number, mass = np.meshgrid(bearing_number, rotor_mass, indexing="ij")
-    number, mass = number.ravel(), mass.ravel()
-    u, v = ((a - a.min()) / max(np.ptp(a), 1e-12) for a in (number, mass))
-    return np.column_stack([u, v, u + v, u - v, np.log(mass * number), np.log(mass * number**2)])
-
-
-def predict_plane(inputs: np.ndarray, bearing_number: np.ndarray, solved: np.ndarray, mle: np.ndarray, regime: np.ndarray,
-                  seed: int = 0, linear: np.ndarray | None = None) -> Prediction:
-    """Train the committee on the solved cells and predict all of them.
-
-    Parameters
-    ----------
-    inputs : ndarray, (n, 6)
-        Of :func:`plane_inputs`.
-    bearing_number : ndarray, (n,)
-        Of each cell. The trees learn MLE times bearing number, which is nearly smooth where the exponent itself is steep.
-    solved : ndarray of bool, (n,)
-        The cells to learn from, at least one.
-    mle : ndarray, (n,)
-        Per revolution; nan where a run failed.
-    regime : ndarray of str, (n,)
-        "" where a run failed.
-    seed : int
-    linear : ndarray, (n, 3)
-        Of :func:`linear_columns`: more inputs, and the exponent that the trees start from where the rate is negative.
-
-    Returns
-    -------
-    Prediction
-    """
-    base = np.zeros(len(mle)) if linear is None else np.minimum(linear[:, 0], 0.0)
-    inputs = inputs if linear is None else np.column_stack([inputs, linear])
-    inputs = np.asarray(inputs, np.float32)  # what trees compute in: converted once
-    count = len(inputs)
-    known = solved & np.isfinite(mle)
-    mean, deviation = np.full(count, np.nan), np.full(count, np.nan)
-    if known.sum() >= 2:
-        trees = ExtraTreesRegressor(TREES, random_state=seed).fit(inputs[known], ((mle - base) * bearing_number)[known])
-        each = np.array([tree.predict(inputs) for tree in trees.estimators_], np.float32)
-        mean, deviation = base + each.mean(0, dtype=float) / bearing_number, each.std(0, dtype=float) / bearing_number
-    votes = ExtraTreesClassifier(TREES, random_state=seed).fit(inputs[solved], regime[solved])
-    probability = np.zeros((count, len(LABELS)))
-    probability[:, [LABELS.index(name) for name in votes.classes_]] = votes.predict_proba(inputs)
-    return Prediction(mean, deviation, probability)
 
 
 def choose_start(shape: tuple[int, int], count: int, seed: int, allowed: np.ndarray) -> np.ndarray:
@@ -183,8 +84,8 @@ def choose_next(prediction: Prediction, free: np.ndarray, shape: tuple[int, int]
     cells: list[int] = []
     for_regime: list[bool] = []
     for_exponent = round(share * size)
-    variance = np.nan_to_num(prediction.deviation**2)
-    for weight, regime, until in ((variance, False, for_exponent), (np.maximum(prediction.impurity, EXPLORE), True, size)):
+    doubt = np.nan_to_num(prediction.deviation**2) ** SHARPNESS
+    for weight, regime, until in ((doubt, False, for_exponent), (np.maximum(prediction.impurity, EXPLORE), True, size)):
         # the largest of log weight + Gumbel noise: a draw without replacement in proportion to the weights
         order = np.argsort(-(np.log(weight + 1e-12) + rng.gumbel(size=weight.size)), kind="stable")
         for apart in (True, False):  # neighbours only where nothing else is left
@@ -268,6 +169,13 @@ def check_budget(cells: int, budget: int, seed: int) -> int:
     return max(MIN_START, min(cells // START, int(budget) // 4))
 
 
+def _solved_after_batches(first: int) -> Iterator[int]:
+    while True:
+        steps = min(DOUBLING, max(1, first // BATCH))
+        yield from (round(first * 2.0 ** (k / steps)) for k in range(1, steps + 1))
+        first *= 2
+
+
 Watch = Callable[[np.ndarray, Prediction], None]
 
 
@@ -283,7 +191,7 @@ def refine(bearing_number: np.ndarray, rotor_mass: np.ndarray, oracle: Oracle, b
     rotor_mass : ndarray, (M,)
         kg on one bearing.
     oracle : callable
-        Solves cells, :func:`map_oracle` or :func:`live_oracle`: flat indices (k,) -> arrays (k,) by the names of
+        Solves cells, one of :mod:`spab_core.oracles`: flat indices (k,) -> arrays (k,) by the names of
         ``stability_map.FIELDS``. A cell that fails counts, and is not asked for again.
     budget : int
         Cells solved in the end, the start included.
@@ -324,25 +232,24 @@ def refine(bearing_number: np.ndarray, rotor_mass: np.ndarray, oracle: Oracle, b
     may = np.ones(count, bool) if allowed is None else np.asarray(allowed, bool).ravel()
     if may.size != count or may.sum() < budget:
         raise InputError(f"budget = {budget} is out of range: {int(may.sum())} of {may.size} cells may be solved")
-    inputs, number = plane_inputs(bearing_number, rotor_mass), np.repeat(bearing_number, shape[1])
-    linear = None if table is None else linear_columns(bearing_number, rotor_mass, table)
+    inputs = plane_inputs(bearing_number, rotor_mass, table)
     if share is None:
         share = EXPONENT_SHARE if table is None else THEORY_SHARE
-    values = {name: _nothing(dtype, count) for name, dtype in FIELDS.items()}
+    values = {name: unsolved_values(dtype, count) for name, dtype in FIELDS.items()}
     batch_of = np.full(count, -1, np.int16)
-    cells, batch = choose_start(shape, first, seed, may), 0
+    cells, batch, goals = choose_start(shape, first, seed, may), 0, _solved_after_batches(first)
     while True:
         found = oracle(cells)
         for name in FIELDS:
             values[name][cells] = found[name]
         batch_of[cells] = batch
         solved = batch_of >= 0
-        prediction = predict_plane(inputs, number, solved, values["mle"], values["regime"], seed, linear)
+        prediction = predict_plane(inputs, solved, values["mle"], values["regime"], seed)
         if watch:
             watch(solved, prediction)
         batch += 1
         done, free = int(solved.sum()), may & ~solved
-        goal = min(max(done + 1, round(first * 2.0 ** (batch / DOUBLING))), budget)
+        goal = min(next(goals), budget)
         size = goal - done if allowance is None else min(goal - done, allowance(done))
         own = {"budget": int(budget), "seed": int(seed), "start": first, "batches": batch}
         if publish or size <= 0:
@@ -362,135 +269,6 @@ def _refinement(bearing_number, rotor_mass, batch_of, values, prediction, sugges
     return Refinement(bearing_number, rotor_mass, batch_of.reshape(shape).copy(),
                       {k: v.reshape(shape).copy() for k, v in values.items()}, mle, deviation, regime, unstable,
                       suggested[0], suggested[1], metadata)
-
-
-def _nothing(dtype, shape):
-    kind = np.dtype(dtype).kind
-    return np.full(shape, np.nan if kind == "f" else "" if kind == "U" else 0, dtype)
-
-
-def map_oracle(m: StabilityMap) -> Oracle:
-    """Takes the cells' values from a solved map: for studies, where the truth is known."""
-    flat = {name: getattr(m, name).ravel() for name in FIELDS}
-    return lambda cells: {name: values[cells] for name, values in flat.items()}
-
-
-def scores(m: StabilityMap, prediction: Prediction, cells: np.ndarray) -> dict[str, float]:
-    """How well a prediction does on some cells of a solved map.
-
-    Parameters
-    ----------
-    m : StabilityMap
-        The truth.
-    prediction : Prediction
-    cells : ndarray of bool, (n,)
-        Which cells count, such as the held-out ones.
-
-    Returns
-    -------
-    dict
-        Those of :func:`exponent_scores` and :func:`regime_scores`; nan where no cell counts.
-    """
-    return (exponent_scores(m, prediction.mle, cells)
-            | regime_scores(m.regime.ravel()[cells], prediction.regime[cells]))
-
-
-def exponent_scores(m: StabilityMap, predicted: np.ndarray, cells: np.ndarray) -> dict[str, float]:
-    """``rmse``, ``mae`` and, at bearing numbers from :data:`DAMPED` on, ``rmse_undamped``.
-
-    Per revolution, over those of ``cells`` (n,) that have an exponent; ``predicted`` (n,). nan where there are none.
-    """
-    truth = m.mle.ravel()
-    known = cells & np.isfinite(truth)
-    undamped = known & (np.repeat(m.bearing_number, len(m.rotor_mass)) >= DAMPED - 1e-9)
-    return {name: function(truth[chosen], predicted[chosen]) if chosen.any() else np.nan
-            for name, function, chosen in (("rmse", rmse, known), ("rmse_undamped", rmse, undamped), ("mae", mae, known))}
-
-
-def regime_scores(truth: np.ndarray, predicted: np.ndarray) -> dict[str, float]:
-    """``accuracy`` of regimes and ``chaos_f1``: 2 tp / (2 tp + fp + fn) of "chaotic"; nan where there is nothing to count."""
-    chaotic, said = truth == "chaotic", predicted == "chaotic"
-    both, either = int((chaotic & said).sum()), int(chaotic.sum() + said.sum())
-    return {"accuracy": float((truth == predicted).mean()) if len(truth) else np.nan,
-            "chaos_f1": 2 * both / either if either else np.nan}
-
-
-@contextlib.contextmanager
-def live_oracle(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray, settings: Settings, *, parts: Path,
-                plan: dict, workers: int = 1, progress: Callable[[int], None] | None = None) -> Iterator[Oracle]:
-    """Solves cells live, each from its own cold start, and keeps them in ``parts``: a run that was killed goes on from them.
-
-    Parameters
-    ----------
-    design : Design
-    bearing_number : ndarray, (B,)
-    rotor_mass : ndarray, (M,)
-    settings : Settings
-    parts : Path
-        Folder for solved cells; :func:`spab_core.map_engine.remove_parts` deletes it.
-    plan : dict
-        What else must be the same to go on, such as the seed; plain values.
-    workers : int
-        Processes; the values do not depend on it.
-    progress : callable
-        Called with the number of cells done since the last call, those found in ``parts`` included.
-
-    Raises
-    ------
-    MapError
-        Where ``parts`` holds another run, is in use, or is damaged.
-    """
-    bearing_number, rotor_mass = np.asarray(bearing_number, float), np.asarray(rotor_mass, float)
-    count = check_plane(bearing_number, rotor_mass)
-    run_hash = open_run(parts, design, bearing_number, rotor_mass, settings, **{f"refine_{k}": v for k, v in plan.items()})
-    number, mass = np.repeat(bearing_number, len(rotor_mass)), np.tile(rotor_mass, len(bearing_number))
-    with locked(parts):
-        stored = {name: _nothing(dtype, count) for name, dtype in FIELDS.items()}
-        have = np.zeros(count, bool)
-        files = sorted(parts.glob("chunk-*.npz"))
-        for path in files:
-            cells, values = _read_chunk(path, run_hash, count)
-            have[cells] = True
-            for name in FIELDS:
-                stored[name][cells] = values[name]
-        last = int(files[-1].stem.removeprefix("chunk-")) if files else -1
-
-        def solve(cells: np.ndarray) -> dict[str, np.ndarray]:
-            nonlocal last
-            missing = cells[~have[cells]]
-            if progress and len(missing) < len(cells):
-                progress(len(cells) - len(missing))
-            chunks = {last + 1 + k: missing[at:at + CHUNK] for k, at in enumerate(range(0, len(missing), CHUNK))}
-            if chunks:
-                last = max(chunks)
-                jobs = (joblib.delayed(solve_chunk)(k, design, [(float(number[c]), float(mass[c])) for c in chunk], settings)
-                        for k, chunk in chunks.items())
-                with cluster_or_processes(workers) as run:
-                    for k, result in run(jobs):
-                        result = {name: result[name] for name in FIELDS}
-                        write_atomically(parts / f"chunk-{k:06d}.npz", npz_bytes(
-                            result | {"cells": chunks[k], "run": np.array(run_hash)}))
-                        have[chunks[k]] = True
-                        for name in FIELDS:
-                            stored[name][chunks[k]] = result[name]
-                        if progress:
-                            progress(len(chunks[k]))
-            return {name: values[cells] for name, values in stored.items()}
-
-        yield solve
-
-
-def _read_chunk(path: Path, run_hash: str, count: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-            found = {name: data[name] for name in (*FIELDS, "cells", "run")}
-    except UNREADABLE as error:
-        raise MapError(f"{path} is damaged ({error}); delete it to compute these cells again") from None
-    cells = found.pop("cells")
-    fits = cells.dtype.kind == "i" and cells.ndim == 1 and np.all((cells >= 0) & (cells < count))
-    if str(found.pop("run")) != run_hash or not fits or any(found[name].shape != cells.shape for name in FIELDS):
-        raise MapError(f"{path} belongs to another run; delete it to compute these cells again")
-    return cells, found
 
 
 _FLOATS = {"predicted_mle": "mle", "predicted_deviation": "deviation", "probability_unstable": "unstable"}  # in the file

@@ -61,8 +61,8 @@ def _fill_speed() -> None:
         state["my_grade_of"] = design
 
 
-def _take(design: Design, rotor_mass: float, speed_rpm: float) -> None:
-    """Make it the design that the user works on; the machine keeps mass and speed."""
+def take_design(design: Design, rotor_mass: float, speed_rpm: float) -> None:
+    """Make it the design that the user works on, in a widget's callback; the machine keeps mass and speed."""
     set_design(design)
     number = design.bearing_number(speed_rpm * math.pi / 30.0)
     set_point(rotor_mass, min(max(number, BEARING_NUMBER_RANGE[0]), BEARING_NUMBER_RANGE[1]))
@@ -83,7 +83,7 @@ def _typed() -> None:
     except InputError as error:
         state["my_error"] = str(error)
         return
-    _take(design, state["rotor_mass"], base.speed_rpm(state["bearing_number"]))
+    take_design(design, state["rotor_mass"], base.speed_rpm(state["bearing_number"]))
     state["my_filled"] = design  # what is typed stays as it was typed
 
 
@@ -97,7 +97,7 @@ def _grade_typed() -> None:
     except InputError as error:
         state["my_error"] = str(error)
         return
-    _take(design, state["rotor_mass"], base.speed_rpm(state["bearing_number"]))
+    take_design(design, state["rotor_mass"], base.speed_rpm(state["bearing_number"]))
     state["my_grade_of"] = design
 
 
@@ -117,7 +117,7 @@ def _speed_typed() -> None:
 def _preset_chosen() -> None:
     chosen = PRESETS.get(st.session_state["my_preset"])
     if chosen is not None:
-        _take(chosen.design, chosen.rotor_mass, chosen.speed_rpm)
+        take_design(chosen.design, chosen.rotor_mass, chosen.speed_rpm)
 
 
 def _uploaded() -> None:
@@ -129,7 +129,7 @@ def _uploaded() -> None:
     except InputError as error:
         state["my_error"] = str(error)
         return
-    _take(design, state["rotor_mass"], chosen_design().speed_rpm(state["bearing_number"]))
+    take_design(design, state["rotor_mass"], chosen_design().speed_rpm(state["bearing_number"]))
 
 
 def _number(place, field: FormField, **options) -> None:

@@ -23,9 +23,10 @@ from spab_core.revolution import Revolution, forces, integrate_revolution, run_u
 from spab_core.simulate import Settings, path_angle
 from spab_core.spectrum import spectrum
 from spab_core.stability_map import npz_bytes
+from spab_core.ui.design_form import take_design
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.shared import LIVE_PATHS, live_point
-from spab_core.ui.view import chosen_design, set_design
+from spab_core.ui.view import chosen_design
 
 LIVE_SECONDS = 2.0  # what is expected to take longer runs as a job
 MESHES = (str(DEFAULT_MESH), "2x16", "3x24", "4x32", "4x96", "6x64", "8x128")
@@ -185,7 +186,7 @@ def verdict_panel(point: OperatingPoint) -> None:
 
 
 def design_controls() -> None:
-    """Every value of the chosen design in drawing units, one number field each; a wrong one is said and not taken."""
+    """Every value of the chosen design in drawing units, a number field each; a wrong one is told. The speed stays."""
     design, state = chosen_design(), st.session_state
     for name, value in to_form(design).items():
         state[f"form_{name}"] = FIELDS[name].high if math.isinf(value) else value
@@ -205,7 +206,7 @@ def design_controls() -> None:
                              disabled=f.infinite and design.rigid)
             if f.infinite:
                 box.checkbox("Rigid shaft", key="form_rigid", on_change=_rigid_changed)
-    st.button("Back to the reference bearing", on_click=set_design, args=(reference_design(),), key="form_reset")
+    st.button("Back to the reference bearing", on_click=_take, args=(reference_design(),), key="form_reset")
 
 
 def _step(value: float) -> float:
@@ -219,14 +220,20 @@ def _design_changed(name: str) -> None:
         return  # emptied: the value stays
     try:
         base = chosen_design()
-        set_design(from_form(to_form(base) | {name: float(value)}, base))
+        _take(from_form(to_form(base) | {name: float(value)}, base))
     except InputError as error:
         st.session_state["form_complaint"] = f"{error}. The value is left as it was."
 
 
 def _rigid_changed() -> None:
     stiffness = math.inf if st.session_state["form_rigid"] else reference_design().rotor.shaft_stiffness
-    set_design(chosen_design().replace(rotor__shaft_stiffness=stiffness))
+    _take(chosen_design().replace(rotor__shaft_stiffness=stiffness))
+
+
+def _take(design: Design) -> None:
+    """The design changes, the machine keeps its mass and speed: the bearing number follows."""
+    state = st.session_state
+    take_design(design, state["rotor_mass"], chosen_design().speed_rpm(state["bearing_number"]))
 
 
 def solver_controls(cost: bool = True) -> None:

@@ -26,7 +26,7 @@ from spab_core.design import Design, InputError
 from spab_core.figures_map import SURROGATE, map_figure, mark_point
 from spab_core.integrate import is_compiled
 from spab_core.jobs import Job
-from spab_core.margin import against_linear, margin
+from spab_core.margin import against_linear, critical_masses, margin
 from spab_core.point import OperatingPoint, solve_point
 from spab_core.pretrained import ServedMap, find_map
 from spab_core.simulate import Settings
@@ -142,7 +142,7 @@ def map_margin(rotor_mass: float, bearing_number: float) -> str:
         found = margin(m, rotor_mass, bearing_number)
     except InputError as error:
         return f"**No margin:** {error}."
-    critical = [f"{c:.3g} kg" for c in linear_table_of(m).critical_masses(bearing_number)]
+    critical = [f"{c:.3g} kg" for c in critical_masses(linear_table_of(m), bearing_number)]
     told = [*found.sentences(), f"Linear stability threshold at this speed: {', '.join(critical) or 'none in the map'}."]
     return "\n".join([f"**{found.headline()}**", "", *(f"- :small[{text}]" for text in told)])
 

@@ -81,6 +81,8 @@ def test_every_layer_is_drawn(app, layer):
     heatmap = next(t for t in data if t["type"] == "heatmap")
     if layer in ("MLE", "Surrogate prediction"):
         assert heatmap["zmin"] == -heatmap["zmax"]  # the diverging scale is centred on zero
+    told = next(t for t in data if t.get("name") == "cells")["hovertemplate"]
+    assert ("MLE predicted" in told) == (layer == SURROGATE)
     assert app.query_params.get("layer", LAYERS[0]) == layer
 
 

@@ -13,7 +13,8 @@ from streamlit.testing.v1 import AppTest
 from spab_core import artifacts, learning_curve
 from spab_core.artifacts import REFINED, write_manifest
 from spab_core.figures_surrogates import REFINE_LAYERS
-from spab_core.refine import map_oracle, refine, save_refinement
+from spab_core.oracles import map_oracle
+from spab_core.refine import refine, save_refinement
 from tests.conftest import ROOT
 from tests.unit.test_learning_curve import made_up
 from tests.unit.test_surrogates import map_of, with_hole

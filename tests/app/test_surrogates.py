@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
@@ -256,3 +257,19 @@ def test_missing_scores_are_said_in_words(small, monkeypatch, tmp_path):
     monkeypatch.setattr(artifacts.load_reference_scores, "__defaults__", (tmp_path,))
     at = open_page("Model_ranking")
     assert not at.exception and SCORES in at.error[0].value
+
+
+def test_own_data_are_ranked_by_a_job(tmp_path, monkeypatch, small):
+    """A CSV of 100 points, all models: the suggestion names one, a wrong file is a sentence."""
+    monkeypatch.setenv("SPAB_JOBS", str(tmp_path / "jobs"))
+    number, mass = (a.ravel() for a in np.meshgrid(np.linspace(0.5, 8.0, 10), np.linspace(1.0, 20.0, 10)))
+    table = pd.DataFrame({"Λ": number, "m_r": mass, "MLE": np.sin(number) * mass})
+    at = open_page("Model_ranking")
+    at.file_uploader(key="own_data").set_value(("mine.csv", b"a,b\n1,2\n", "text/csv")).run()
+    assert not at.exception and "no column 'bearing_number'" in at.error[0].value
+    at.file_uploader(key="own_data").set_value(("mine.csv", table.to_csv(index=False).encode(), "text/csv")).run()
+    assert not at.exception and not at.error and any("100 points" in c.value for c in at.caption)
+    at.button(key="own_ranking_start").click().run()
+    (job,) = list_jobs()
+    cancel(job.id)  # what it computes is tested with the job
+    assert job.kind == "ranking" and not at.exception and any("Cancelled" in w.value for w in at.run().warning)

@@ -1,14 +1,16 @@
 """``spab refine``: a study on a map and live cells; keys, files, going on after a stop, one sentence for bad input."""
 
 import json
+import sys
+import types
 
 import numpy as np
 import pytest
 
-from spab_core import cli_refine
+from spab_core import cli_refine, features, save_design
 from spab_core.cli import main
 from spab_core.refine import load_refinement
-from spab_core.stability_map import save_map
+from spab_core.stability_map import load_map, save_map
 from tests.unit.test_surrogates import map_of, with_hole
 
 LIVE = ["refine", "--bearing-number", "2:4:5", "--rotor-mass", "3:9:6", "--mesh", "6x24", "--transient", "10",
@@ -28,10 +30,14 @@ def test_a_study_tells_its_errors(capsys, tmp_path, map_file):
     assert main([*argv, "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["solved"] == 100 and answer["cells"] == 252 and sum(answer["predicted_regimes"].values()) == 252
-    assert 0.0 < answer["rmse_held_out"] < 0.1 and 0.9 < answer["chaos_f1_held_out"] <= 1.0
     assert len(answer["suggested"]) == 24 and answer["suggested"][0]["in_doubt"] == "exponent"
     result = load_refinement(out)
     assert result.solved.sum() == 100 and result.metadata["study"] is True
+    m, held_out = load_map(map_file), ~result.solved
+    error = (result.mle - m.mle)[held_out & np.isfinite(m.mle)]
+    assert answer["rmse_held_out"] == pytest.approx(float(np.sqrt(np.mean(error**2))), rel=1e-4) and error.any()
+    assert answer["accuracy_held_out"] == pytest.approx((result.regime == m.regime)[held_out].mean())
+    assert 0.9 < answer["chaos_f1_held_out"] <= 1.0
     assert main(argv) == 0
     text = capsys.readouterr().out
     assert "F1 of chaos" in text and text.count("solve next: bearing number") == 5
@@ -95,6 +101,7 @@ def test_wrong_input_is_one_sentence(capsys, tmp_path, argv, words):
     (["--budget", "20", "--map", "/nowhere.npz"], ["/nowhere.npz"]),
     (["--budget", "9", "--map", "MAP"], ["budget", "9"]),
     (["--budget", "400", "--map", "MAP"], ["budget", "252"]),
+    (["--budget", "20", "--map", "MAP", "--dask", "tcp://127.0.0.1:9"], ["--dask", "not allowed with --map"]),
     (["--budget", "20", "--map", "MAP", "--tolerance", "1e-3"], ["--tolerance", "not allowed with --map"]),
 ])
 def test_wrong_studies_are_one_sentence(capsys, tmp_path, map_file, argv, words):
@@ -102,3 +109,33 @@ def test_wrong_studies_are_one_sentence(capsys, tmp_path, map_file, argv, words)
     lines = capsys.readouterr().err.strip().splitlines()
     assert all(word in lines[-1] for word in words), lines[-1]
     assert not list(tmp_path.iterdir())
+
+
+def test_a_bearing_of_ones_own_says_that_linear_theory_comes_first(capsys, tmp_path, monkeypatch, design):
+    made = features.linear_table  # on fewer nodes, to be quick
+    monkeypatch.setattr(features, "linear_table", lambda own, plane: made(own, plane, (4, 4)))
+    save_design(design.replace(rotor__gravity=9.0), tmp_path / "own.toml")
+    assert main([*LIVE, "--out", str(tmp_path / "own.npz"), "--design", str(tmp_path / "own.toml")]) == 0
+    assert "linear stability of this bearing" in capsys.readouterr().err
+    features.table_for.cache_clear()
+    assert main([*LIVE, "--out", str(tmp_path / "shipped.npz")]) == 0
+    assert "linear stability" not in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_solves_the_same_cells(capsys, tmp_path, monkeypatch):
+    """A real Dask cluster of one worker process."""
+    monkeypatch.setitem(sys.modules, "__main__", types.ModuleType("__main__"))  # new processes would run this one's again
+    distributed = pytest.importorskip("distributed", reason="the extra spab-core[dask] is not installed")
+    assert main([*LIVE, "--out", str(tmp_path / "here.npz")]) == 0
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None,
+                                  host="127.0.0.1") as cluster:
+        assert main([*LIVE, "--out", str(tmp_path / "there.npz"), "--dask", cluster.scheduler_address]) == 0
+    here, there = load_refinement(tmp_path / "here.npz"), load_refinement(tmp_path / "there.npz")
+    assert np.array_equal(here.batch, there.batch) and np.array_equal(here.mle, there.mle)
+    monkeypatch.setattr("spab_core.map_engine.CLUSTER_SECONDS", 1)
+    capsys.readouterr()
+    assert main([*LIVE, "--out", str(tmp_path / "nowhere.npz"), "--dask", "tcp://127.0.0.1:9"]) == 2
+    error = capsys.readouterr().err
+    assert "--dask" in error.splitlines()[-1] and "Traceback" not in error

@@ -12,7 +12,7 @@ from hypothesis import strategies as some
 from spab_core.artifacts import load_reference_map
 from spab_core.design import InputError, reference_design
 from spab_core.features import MESH, shipped_table
-from spab_core.margin import against_linear, margin
+from spab_core.margin import against_linear, critical_masses, margin
 from spab_core.stability import whirl_thresholds
 from spab_core.stability_map import MapError, StabilityMap
 
@@ -125,7 +125,7 @@ def test_a_map_with_axes_that_fall_is_refused():
 @pytest.mark.parametrize("number", [3.0, 3.4])
 def test_the_table_knows_the_exact_linear_threshold(number):
     """Against the eigenvalues of the same system, bisected in the mass."""
-    about, = shipped_table().critical_masses(number)
+    about, = critical_masses(shipped_table(), number)
     exact, = whirl_thresholds(reference_design(), number, MESH, (0.98 * about, 1.02 * about), scan=2)
     assert about == pytest.approx(exact.critical_mass, rel=5e-3) and exact.stable_side == "above"
 

@@ -15,26 +15,28 @@ from hypothesis import strategies as st
 
 from spab_core import Settings
 from spab_core.artifacts import load_reference_map, load_reference_refinement
-from spab_core.design import InputError
-from spab_core.point import solve_point
-from spab_core.refine import (
-    CHUNK,
-    EXPONENT_SHARE,
+from spab_core.committee import (
     LABELS,
-    MIN_START,
+    POWERS,
     Prediction,
-    choose_next,
-    choose_start,
     exponent_scores,
-    live_oracle,
-    load_refinement,
-    map_oracle,
     plane_inputs,
     predict_plane,
-    refine,
     regime_scores,
-    save_refinement,
     scores,
+)
+from spab_core.design import InputError
+from spab_core.features import shipped_table
+from spab_core.oracles import CHUNK, live_oracle, map_oracle
+from spab_core.point import solve_point
+from spab_core.refine import (
+    EXPONENT_SHARE,
+    MIN_START,
+    choose_next,
+    choose_start,
+    load_refinement,
+    refine,
+    save_refinement,
 )
 from spab_core.stability_map import FIELDS, MapError
 from tests.conftest import ROOT
@@ -106,7 +108,7 @@ def test_a_batch_has_no_neighbours_but_where_nothing_else_is_left():
 
 
 def test_cells_are_drawn_where_the_doubt_is():
-    """Nine tenths of the squared deviation in a tenth of the cells: about that share of the draws for the exponent is there."""
+    """Nine tenths of the squared deviation in a tenth of the cells: at least about that share of the draws for the exponent."""
     count = 100 * 100
     deviation = np.full(count, 1.0)
     deviation[:count // 10] = 9.0  # 81 x 1000 against 9000
@@ -234,13 +236,24 @@ def test_regime_scores_by_hand():
 
 def test_the_committee_predicts_between_samples_and_doubts_far_from_them():
     m = map_of(lambda number, mass: -3.0 / number, 30, 30)
-    inputs, number = plane_inputs(m.bearing_number, m.rotor_mass), np.repeat(m.bearing_number, 30)
+    inputs = plane_inputs(m.bearing_number, m.rotor_mass)
     solved = np.zeros(m.shape, bool)
     solved[::3, ::3] = True
-    p = predict_plane(inputs, number, solved.ravel(), m.mle.ravel(), m.regime.ravel())
-    assert inputs.shape == (900, 6) and np.isfinite(inputs).all()
+    p = predict_plane(inputs, solved.ravel(), m.mle.ravel(), m.regime.ravel())
+    assert inputs.features.shape == (900, 2 + len(POWERS)) and np.isfinite(inputs.features).all()
     assert np.allclose(p.mle, m.mle.ravel(), rtol=1e-5)  # MLE x bearing number is constant here: learnt exactly
     assert p.deviation.max() < 1e-5 and (p.regime == "periodic").all() and np.allclose(p.probability.sum(1), 1.0)
+
+
+def test_the_committee_starts_from_linear_theory():
+    """An exponent that is linear theory's needs no learning: two cells of a damped plane give all the others."""
+    number, mass = np.linspace(0.1, 1.0, 12), np.linspace(1.0, 20.0, 10)
+    inputs = plane_inputs(number, mass, shipped_table())
+    rate = shipped_table().at(np.repeat(number, 10), np.tile(mass, 12))[:, 0]
+    assert inputs.features.shape == (120, 5 + len(POWERS)) and np.array_equal(inputs.baseline, np.minimum(rate, 0.0))
+    solved = np.isin(np.arange(120), (0, 119))
+    found = predict_plane(inputs, solved, inputs.baseline, np.full(120, "periodic"))
+    assert inputs.baseline.min() < -1.0 and np.allclose(found.mle, inputs.baseline, atol=1e-9)
 
 
 @pytest.fixture(scope="module")
@@ -253,7 +266,7 @@ def shipped():
 
 def test_refining_beats_random_cells_of_the_shipped_map(shipped):
     m = shipped
-    inputs, number = plane_inputs(m.bearing_number, m.rotor_mass), np.repeat(m.bearing_number, len(m.rotor_mass))
+    inputs = plane_inputs(m.bearing_number, m.rotor_mass)
     budget, found = m.mle.size // 8, {"refine": [], "random": []}
     for seed in range(4):
         withheld = np.random.default_rng(99 + seed).random(m.mle.size) < 0.2  # cells that neither may solve
@@ -263,7 +276,7 @@ def test_refining_beats_random_cells_of_the_shipped_map(shipped):
         found["refine"].append(scores(m, last[-1], withheld))
         solved = np.zeros(m.mle.size, bool)
         solved[np.random.default_rng(seed).permutation(np.flatnonzero(~withheld))[:budget]] = True
-        drawn = predict_plane(inputs, number, solved, m.mle.ravel(), m.regime.ravel(), seed)
+        drawn = predict_plane(inputs, solved, m.mle.ravel(), m.regime.ravel(), seed)
         found["random"].append(scores(m, drawn, withheld))
     mean = {strategy: {k: np.mean([row[k] for row in rows]) for k in rows[0]} for strategy, rows in found.items()}
     assert mean["refine"]["rmse"] < 0.8 * mean["random"]["rmse"]
