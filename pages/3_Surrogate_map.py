@@ -83,7 +83,7 @@ with d:
 spread = float(np.nanstd(m.mle))
 with st.container(horizontal=True, horizontal_alignment="distribute"):
     for label, value, text in (
-            ("RMSE, held-out cells", f"{found['rmse_held_out']:.3f}", "Per revolution, over the cells that were not trained on"),
+            ("RMSE, held-out cells", f"{found['rmse_held_out']:.3f}", "Per revolution, over the cells not trained on"),
             ("MAE, held-out cells", f"{found['mae_held_out']:.3f}", "Per revolution"),
             ("RMSE over deviation", f"{found['rmse_held_out'] / spread:.3f}",
              f"Held-out RMSE over the map's standard deviation, {spread:.3f} per revolution: 1 is no better than the mean of "
