@@ -59,7 +59,8 @@ def read_manifest(folder: Path = ARTIFACTS) -> dict[str, dict]:
     """
     try:
         files = json.loads((folder / MANIFEST).read_text("utf-8"))["files"]
-        if not all(isinstance(entry["sha256"], str) and Path(name).name == name for name, entry in files.items()):
+        if not all(isinstance(entry["sha256"], str) and Path(name).name == name != ".." and "\0" not in name
+                   for name, entry in files.items()):
             raise ValueError
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise ArtifactError(f"{folder / MANIFEST} is missing or no manifest: restore the folder from the repository, or run "
