@@ -45,14 +45,17 @@ class TooSlow(BaseException):
 class Watch:
     """An audit hook: what a case does besides computing."""
 
-    def __init__(self):
+    def __init__(self, unpickling=True):
         self.folder, self.found = None, None
+        self.refused = {"subprocess.Popen", "os.system", "os.exec", "os.fork", "socket.connect"}
+        if unpickling:
+            self.refused.add("pickle.find_class")
         sys.addaudithook(self)
 
     def __call__(self, event, arguments):
         if self.folder is None:
             return
-        if event in ("pickle.find_class", "subprocess.Popen", "os.system", "os.exec", "os.fork", "socket.connect"):
+        if event in self.refused:
             self.found = f"{event} {str(arguments)[:100]}"
         elif event == "open":
             path, mode, flags = arguments
@@ -481,8 +484,8 @@ def run(cases, seed, only=()):
             read(data)
         except InputError as error:
             refused[name] += 1
-            if not str(error) or ("\n" in str(error)[:-1] and name != "design file"):
-                problem = f"no sentence: {str(error)[:100]!r}"
+            if not str(error).strip():
+                problem = "refused without a word"
         except TooSlow:
             problem = f"more than {LIMIT:g} s"
         except (json.JSONDecodeError, UnicodeDecodeError) as error:

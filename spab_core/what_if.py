@@ -235,7 +235,8 @@ def load_sensitivity(path: Path) -> tuple[Margin, pd.DataFrame]:
         numbers: dict[str, Any] = {name: float("nan") if value is None else value for name, value in data["base"].items()}
         base = Margin(**numbers)
         places = [float(number) for number in (base.low, base.at, base.high)]
-        if base.axis not in AXES or not isinstance(base.stable, bool) or not 0.0 < places[0] <= places[1] <= places[2] < math.inf:
+        if (base.axis not in AXES or not isinstance(base.stable, bool)
+                or not 0.0 < places[0] <= places[1] <= places[2] < math.inf):
             raise ValueError("its margin is none")
         if any(not isinstance(border, float) for border in (base.below, base.above)) or data["rows"].keys() != _COLUMNS.keys():
             raise ValueError("its values do not fit together")
