@@ -22,7 +22,8 @@ def answers() -> list[dict]:
     """The points (rotor mass in kg, bearing number) solved here, as ``OperatingPoint.record`` has them."""
     from spab_core import Settings, reference_design, solve_point
 
-    return [solve_point(reference_design(), *point, Settings("2x16", transient=200, revolutions=300)).record() for point in POINTS]
+    how = Settings("2x16", transient=200, revolutions=300)
+    return [solve_point(reference_design(), *point, how).record() for point in POINTS]
 
 
 def elsewhere(**variables: str) -> list[dict]:
@@ -42,8 +43,8 @@ def main() -> None:
     for (mass, number), a, b in zip(POINTS, here, there, strict=True):
         apart = b["mle_per_revolution"] - a["mle_per_revolution"]
         error = (a["mle_standard_error"]**2 + b["mle_standard_error"]**2) ** 0.5
-        print(f"{mass:5.2f} {number:5.2f}: {a['regime']}-{a['period']} {a['mle_per_revolution']:+.6f}; {b['regime']}-{b['period']} "
-              f"{b['mle_per_revolution']:+.6f}; {apart:+.1e}, {abs(apart) / max(error, 1e-12):.2f}"
+        print(f"{mass:5.2f} {number:5.2f}: {a['regime']}-{a['period']} {a['mle_per_revolution']:+.6f}; "
+              f"{b['regime']}-{b['period']} {b['mle_per_revolution']:+.6f}; {apart:+.1e}, {abs(apart) / max(error, 1e-12):.2f}"
               f"{'' if a['regime'] == b['regime'] else '  ANOTHER REGIME'}")
 
 
