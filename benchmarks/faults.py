@@ -212,8 +212,8 @@ class ServerKilled(Work):
     def begin(self) -> None:
         with (self.base / "log.txt").open("a") as log:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "streamlit", "run", "app.py", "--server.port", str(self.port), "--server.headless", "true"],
-                cwd=ROOT, env=self.environment(), stdout=log, stderr=log)
+                [sys.executable, "-m", "streamlit", "run", "app.py", "--server.port", str(self.port),
+                 "--server.headless", "true"], cwd=ROOT, env=self.environment(), stdout=log, stderr=log)
         self.asked = False
 
     def done(self) -> bool:

@@ -35,7 +35,7 @@ class User:
         self.socket.close()
 
     async def run(self, **trigger: str) -> float:
-        """Run the page with all that was set; seconds until it is ready. ``trigger``: the key of a button pressed, as button=."""
+        """Run the page with all that was set; seconds until it is ready. ``button``: the key of one that is pressed."""
         message = BackMsg()
         state = message.rerun_script
         state.page_script_hash, state.page_name, state.query_string = self.hashes.get(self.page, ""), self.page, self.query

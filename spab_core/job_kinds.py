@@ -44,7 +44,7 @@ class Kind:
         ``InputError``.
     run : callable
         ``run(folder, parameters, advance, set_total)`` does the work in the worker and writes ``result`` into the folder; what
-        it keeps there for another start is its own, and in ``parts`` is deleted after the end. Raises ``InputError`` where it cannot.
+        it keeps there for another start is its own; ``parts`` is deleted after the end. Raises ``InputError`` where it cannot.
     result : str
         File in the job's folder.
     grows : bool

@@ -1,4 +1,4 @@
-"""A kill, a full disk, a clock set back: nothing finished is lost, nothing half-written read, and a sentence says how to go on."""
+"""A kill, a full disk, a clock set back: nothing finished is lost, nothing half-written read, and words say how to go on."""
 
 import contextlib
 import errno
