@@ -15,6 +15,7 @@ from pathlib import Path
 import numba
 
 _PREFIX = "spab-kernels-"
+_ROOM = 50_000_000  # bytes; the kernels take about ten million
 _KERNELS = ("dtm", "film", "integrate", "kernels", "linear", "rotor", "rows", "simd")
 _SOLVER = (*_KERNELS, "design", "floquet", "lyapunov", "point", "regimes", "simulate")
 
@@ -33,13 +34,25 @@ def solver_hash() -> str:
 
 
 def _usable(folder: Path) -> bool:
-    """Whether the folder exists or can be made, belongs to this user alone, and can be written."""
+    """Whether the folder exists or can be made, belongs to this user alone, can be written and has room for the kernels."""
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         mine = not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
-        return mine and os.access(folder, os.W_OK)
+        room = any(folder.glob("*/*.nbc")) or shutil.disk_usage(folder).free > _ROOM
+        return mine and room and os.access(folder, os.W_OK)
     except OSError:
         return False
+
+
+def _drop_damaged(folder: Path) -> None:
+    """Delete kernels cut short by a loss of power, which numba would not read past; it compiles them again."""
+    for path in folder.glob("*/*.nb[ci]"):
+        with contextlib.suppress(OSError):  # gone in between
+            with path.open("rb") as file:
+                file.seek(max(path.stat().st_size - 1, 0))
+                whole = file.read(1) == b"."  # how every pickle ends
+            if not whole:
+                path.unlink()
 
 
 def choose() -> None:
@@ -55,6 +68,7 @@ def choose() -> None:
             for old in base.glob(_PREFIX + "*"):  # kernels of earlier sources
                 if old.name != name:
                     shutil.rmtree(old, ignore_errors=True)
+            _drop_damaged(base / name)
             numba.config.CACHE_DIR = str(base / name)
             return
     numba.config.CACHE_DIR = tempfile.mkdtemp(prefix=_PREFIX)

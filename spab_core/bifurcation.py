@@ -19,7 +19,7 @@ import pandas as pd
 from joblib.externals.loky import ProcessPoolExecutor
 
 from spab_core.design import Design, InputError, write_atomically
-from spab_core.map_engine import cell_values, compile_once, locked, open_run, read_part
+from spab_core.map_engine import cell_values, compile_once, end_with_parent, locked, open_run, read_part
 from spab_core.npz import UNREADABLE, npz_bytes, open_npz
 from spab_core.point import OperatingPoint, solve_point
 from spab_core.simulate import Settings, check_point
@@ -115,6 +115,7 @@ def _solve_piece(design: Design, points: Sequence[tuple[float, float]], settings
 
     ``start`` is the state to begin from; the one to go on from is returned under that name, empty where there is none.
     """
+    end_with_parent()
     rows = []
     for mass, number in points:
         point = solve_point(design, mass, number, settings, start=start)

@@ -198,7 +198,7 @@ def _map(args) -> dict:
     with tqdm(total=cells, unit="cell", smoothing=0.05) as bar, kept_when_stopped(bar, parts, "finished chunks"):
         result = compute_map(design, bearing_number, rotor_mass, settings, workers=args.workers, cluster=args.dask,
                              parts=parts, progress=bar.update)
-    save_map(result, args.out)
+        save_map(result, args.out)
     remove_parts(parts)
     names, counts = _count(result)
     if not args.json:
@@ -220,7 +220,7 @@ def _bifurcation(args) -> dict:
           kept_when_stopped(bar, parts, "finished points")):
         result = compute_bifurcation(design, args.vary, args.at, values, settings, sweeps=sweeps, workers=args.workers,
                                      parts=parts, progress=bar.update)
-    save_bifurcation(result, args.out)
+        save_bifurcation(result, args.out)
     remove_parts(parts)
     intervals = {name: chaotic_intervals(values, branch.regime) for name, branch in result.branches.items()}
     if not args.json:
@@ -251,7 +251,9 @@ def main(argv: list[str] | None = None) -> int:
         print("spab: stopped", file=sys.stderr)
         return 130
     except OSError as error:
-        print(f"spab {args.command}: {error.filename or 'file'}: {error.strerror or error}", file=sys.stderr)
+        # no name: the disk was full while a file was written, which then is not there; the one before it stays
+        where = error.filename or "a file could not be written"
+        print(f"spab {args.command}: {where}: {error.strerror or error}", file=sys.stderr)
         return 2
     if args.json:
         print(json.dumps(answer, allow_nan=False))

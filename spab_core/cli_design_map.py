@@ -51,7 +51,7 @@ def design_map(args, design: Design) -> dict:
         result = quick_map(design, bearing_number, rotor_mass, SETTINGS, seconds=60.0 * args.minutes, seed=args.seed,
                            parts=parts, workers=args.workers, cluster=cluster, progress=bar.update,
                            publish=lambda found: save_refinement(found, args.out))
-    save_refinement(result, args.out)
+        save_refinement(result, args.out)
     remove_parts(parts)
     filled, solved = as_map(result), int(result.solved.sum())
     if args.map_out is not None:

@@ -24,7 +24,7 @@ def kept_when_stopped(bar: tqdm, parts: Path, what: str) -> Iterator[None]:
     SystemExit
         130, where the user stopped it.
     InputError
-        Where a worker died.
+        Where a worker died, or a file could not be written.
     """
     kept = f"{what} are kept in {parts}: the same command goes on from them"
     try:
@@ -36,6 +36,9 @@ def kept_when_stopped(bar: tqdm, parts: Path, what: str) -> Iterator[None]:
     except TerminatedWorkerError:
         bar.close()
         raise InputError(f"a worker process died (killed, or out of memory); {kept}") from None
+    except OSError as error:  # a full disk, or a folder that can no longer be written
+        bar.close()
+        raise InputError(f"{error.filename or parts}: {error.strerror or error}; {kept}") from None
 
 
 def add_commands(commands) -> None:

@@ -96,7 +96,7 @@ def _solve(args, design, settings, say_compiling) -> dict:
         say_compiling()
         table = _table(chosen, bearing_number, rotor_mass)
         result = refine(bearing_number, rotor_mass, oracle, args.budget, args.seed, table=table, metadata=metadata)
-    save_refinement(result, args.out)
+        save_refinement(result, args.out)
     remove_parts(parts)
     return _answer(args, result, {})
 

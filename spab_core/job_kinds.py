@@ -14,7 +14,6 @@ from spab_core.bifurcation import SWEEPS, check_line, compute_bifurcation, save_
 from spab_core.design import Design, InputError, check_number, write_atomically
 from spab_core.export import csv_bytes
 from spab_core.foreign import MAX_BYTES, SEEDS, load_samples, rank_samples
-from spab_core.map_engine import remove_parts
 from spab_core.point import solve_point
 from spab_core.point_file import save_point
 from spab_core.private_folder import own_bytes
@@ -45,15 +44,18 @@ class Kind:
         ``InputError``.
     run : callable
         ``run(folder, parameters, advance, set_total)`` does the work in the worker and writes ``result`` into the folder; what
-        it keeps there for another start is its own. Raises ``InputError`` where it cannot.
+        it keeps there for another start is its own; ``parts`` is deleted after the end. Raises ``InputError`` where it cannot.
     result : str
         File in the job's folder.
+    grows : bool
+        Whether the result is written more than once, better each time, so that one that is there need not be the last.
     """
 
     label: str
     check: Callable[[dict], dict]
     run: Callable[[Path, dict, Advance, SetTotal], None]
     result: str = "result.npz"
+    grows: bool = False
 
 
 def workers_for(tasks: int) -> int:
@@ -108,7 +110,6 @@ def _run_bifurcation(folder: Path, parameters: dict, advance: Advance, set_total
                                  Settings(**parameters["settings"]), sweeps=sweeps, workers=workers_for(points), parts=parts,
                                  progress=progress)
     save_bifurcation(result, folder / "result.npz")
-    remove_parts(parts)
 
 
 def _check_point(parameters: dict) -> dict:
@@ -188,7 +189,6 @@ def _run_map(folder: Path, parameters: dict, advance: Advance, set_total: SetTot
                        cluster=parameters["dask"] or None, progress=progress,
                        publish=lambda r: save_refinement(r, folder / "result.npz"))
     save_refinement(result, folder / "result.npz")
-    remove_parts(folder / "parts")
 
 
 def _check_intervals(parameters: dict) -> dict:
@@ -217,7 +217,7 @@ def _run_intervals(folder: Path, parameters: dict, advance: Advance, set_total: 
 KINDS = {
     "bifurcation": Kind("Bifurcation line", _check_bifurcation, _run_bifurcation),
     "point": Kind("Operating point", _check_point, _run_point),
-    "map": Kind("Map of a bearing", _check_map, _run_map),
+    "map": Kind("Map of a bearing", _check_map, _run_map, grows=True),
     "sensitivity": Kind("What if", _check_sensitivity, _run_sensitivity, "result.json"),
     "ranking": Kind("Ranking on own data", _check_ranking, _run_ranking, "result.csv"),
     "intervals": Kind("Intervals of a surrogate", _check_intervals, _run_intervals),

@@ -32,6 +32,7 @@ from spab_core._kernel_cache import solver_hash
 from spab_core._version import __version__
 from spab_core.design import InputError, write_atomically
 from spab_core.job_kinds import KINDS
+from spab_core.map_engine import remove_parts
 
 VARIABLE = "SPAB_JOBS"
 STATES = ("queued", "running", "cancelled", "failed", "done")
@@ -171,9 +172,12 @@ def _alive(folder: Path) -> bool:
 
 def _starting(folder: Path, data: dict) -> bool:
     """Whether a worker was started that cannot have shown up yet."""
+    if data["state"] != "queued" or data["pid"] is not None:
+        return False
     worker = _workers.get(folder.name)
-    dead = worker is not None and worker.poll() is not None
-    return data["state"] == "queued" and data["pid"] is None and not dead and time.time() - data["queued"] < _START_SECONDS
+    if worker is not None:
+        return worker.poll() is None
+    return abs(time.time() - data["queued"]) < _START_SECONDS  # the clock may have been set back since
 
 
 def _state(folder: Path, data: dict) -> tuple[str, str]:
@@ -195,7 +199,7 @@ def _job(folder: Path, data: dict) -> Job:
     left = None
     if state == "running" and data["started"] and data["done"] > data["kept"]:
         pace = (time.time() - data["started"]) / (data["done"] - data["kept"])
-        left = max(pace * (data["total"] - data["done"]), 0.0)
+        left = max(pace * (data["total"] - data["done"]), 0.0) if pace > 0.0 else None  # the clock may have been set back
     return Job(folder.name, data["kind"], data["parameters"], state, data["done"], data["total"], data["created"],
                data["started"], data["finished"], message, folder, _size(folder), left)
 
@@ -362,7 +366,10 @@ class _Report:
             if self.closed:
                 return False
             self.closed = True
-            _write(self.folder, self.data | {"state": state, "message": message, "finished": time.time()})
+            try:
+                _write(self.folder, self.data | {"state": state, "message": message, "finished": time.time()})
+            except OSError as error:  # a full disk: the job is found stopped, and goes on from what is kept
+                print(f"job.json could not be written ({error.strerror or error}): {state}", message, file=sys.stderr)
             return True
 
     def watch(self) -> None:
@@ -427,13 +434,20 @@ def _work(folder: Path) -> int:
     try:
         with _turn(report):
             report.write(state="running", started=time.time(), message="")
-            KINDS[data["kind"]].run(folder, data["parameters"], report.advance, report.set_total)
+            kind = KINDS[data["kind"]]
+            if kind.grows or not (folder / kind.result).is_file():  # else it was stopped between its result and its end
+                kind.run(folder, data["parameters"], report.advance, report.set_total)
         report.end("done")
+        remove_parts(folder / "parts")  # now that nobody needs them to go on
         return 0
     except InputError as error:
         report.end("failed", str(error))
     except TerminatedWorkerError:
         report.end("failed", "a process at work died (killed, or out of memory); start it again to go on")
+    except OSError as error:
+        traceback.print_exc()
+        report.end("failed", f"{error.filename or folder}: {error.strerror or error}; start it again to go on; the rest is in "
+                             f"{folder / 'log.txt'}")
     except Exception as error:
         traceback.print_exc()
         report.end("failed", f"unexpected: {type(error).__name__}: {error}; the rest is in {folder / 'log.txt'}")

@@ -6,9 +6,13 @@ Every cell is a cold start of its own, so the result does not depend on the numb
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import json
+import multiprocessing
+import os
 import shutil
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -41,6 +45,7 @@ def cell_values(point: OperatingPoint) -> dict:
 def solve_chunk(number: int, design: Design, cells: list[tuple[float, float]],
                  settings: Settings) -> tuple[int, dict[str, np.ndarray]]:
     """Solve (bearing number, rotor mass) cells one after the other; runs in a worker."""
+    end_with_parent()
     began = time.perf_counter()
     points = [solve_point(design, rotor_mass, bearing_number, settings) for bearing_number, rotor_mass in cells]
     rows = [cell_values(point) for point in points]
@@ -107,6 +112,21 @@ def locked(folder: Path | None) -> Iterator[None]:
         yield
     finally:
         lock.release()
+
+
+@functools.cache
+def end_with_parent() -> None:
+    """In one of joblib's processes: end with the process that started it, which cannot say so where it was killed."""
+    if not multiprocessing.current_process().name.startswith("LokyProcess"):
+        return
+    parent = os.getppid()
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def compile_once() -> None:

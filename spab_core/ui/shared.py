@@ -58,11 +58,14 @@ def page_head(title: str) -> None:
 
 @contextmanager
 def errors_in_words() -> Iterator[None]:
-    """Show an ``InputError`` as the page's last words."""
+    """Show an ``InputError``, or a file that cannot be read or written, as the page's last words."""
     try:
         yield
     except InputError as error:
         st.error(str(error))
+        st.stop()
+    except OSError as error:
+        st.error(f"{error.filename or 'A file could not be written'}: {error.strerror or error}.")
         st.stop()
 
 

@@ -2,26 +2,17 @@
 
 import argparse
 import contextlib
-import dataclasses
 import importlib.util
 import io
 import os
-import socket
-import subprocess
-import sys
-import zipfile
 
-import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from spab_core.artifacts import load_reference_map
 from spab_core.cli import _build_parser, main
-from spab_core.design import InputError, design_toml, reference_design
-from spab_core.form import MAX_DESIGN_BYTES, read_design_bytes
-from spab_core.npz import MAX_BYTES, UNREADABLE, npz_bytes, open_npz
-from spab_core.stability_map import FIELDS, StabilityMap, load_map, save_map
+from spab_core.stability_map import FIELDS, StabilityMap, save_map
 from tests.conftest import ROOT
 
 NUMBERS = ["nan", "inf", "-inf", "-1", "0", "1e999", "-0.0", "9" * 400, "1e-320", "", "0x10", "1_000_000_000_000", "٣", "ten"]

@@ -1,0 +1,266 @@
+"""A kill, a full disk, a clock set back: nothing finished is lost, nothing half-written read, and words say how to go on."""
+
+import contextlib
+import errno
+import json
+import os
+import resource
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numba
+import pytest
+
+from benchmarks.faults import run
+from spab_core import _kernel_cache, jobs
+from spab_core.cli import main
+from spab_core.design import write_atomically
+from spab_core.job_kinds import KINDS
+from spab_core.stability_map import load_map
+from tests.conftest import ROOT
+
+OPTIONS = ["--mesh", "2x16", "--transient", "20", "--revolutions", "20"]
+MAP = ["map", "--bearing-number", "2:4.5:6", "--rotor-mass", "3:18:10", *OPTIONS]
+LINE = {"vary": "rotor-mass", "at": 3.0, "range": "4:6:6", "sweeps": ["cold"],
+        "settings": {"mesh": "2x16", "transient": 20, "revolutions": 20}}
+
+
+@pytest.fixture
+def root(tmp_path, monkeypatch):
+    """Jobs of this test alone."""
+    folder = tmp_path / "jobs"
+    monkeypatch.setenv("SPAB_JOBS", str(folder))
+    yield folder
+    for name in list(jobs._workers):
+        jobs._workers.pop(name).wait(60)
+
+
+def ended(name, seconds=90):
+    end = time.monotonic() + seconds
+    while (job := jobs.find(name)).active:
+        assert time.monotonic() < end, job
+        time.sleep(0.05)
+    return job
+
+
+@pytest.mark.slow
+def test_killed_at_random_moments_they_end_the_same(tmp_path):
+    """The four of benchmarks/faults.py that need no server; --kills 50 does the rest."""
+    works = run(4, 2, tmp_path, ["map", "refine", "train", "worker"], tell=lambda words: None)
+    assert [work.kills for work in works.values()] == [1, 1, 1, 1] and all(work.ends >= 2 for work in works.values())
+
+
+def full(monkeypatch, allowed):
+    """A disk that is full after ``allowed`` files of this process."""
+    real, count = os.fsync, [0]
+
+    def fsync(handle):
+        count[0] += 1
+        if count[0] > allowed:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real(handle)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    return count
+
+
+@pytest.mark.parametrize("allowed", [0, 1, 2, 3])  # the plan, two chunks of 25 and one of 10; the map is the fifth
+def test_a_disk_that_fills_up_is_a_sentence_and_what_is_finished_is_kept(allowed, tmp_path, monkeypatch, capsys):
+    out = tmp_path / "m.npz"
+    with monkeypatch.context() as patch:
+        full(patch, allowed)
+        assert main([*MAP, "--out", str(out)]) == 2
+    told = capsys.readouterr().err.splitlines()[-1]
+    assert "No space left on device" in told and "Traceback" not in told and not out.exists()
+    assert allowed == 0 or f"finished chunks are kept in {out}.parts: the same command goes on" in told
+    kept = sorted(p.name for p in Path(f"{out}.parts").glob("*.npz"))
+    assert len(kept) == max(allowed - 1, 0) and not list(tmp_path.rglob("*.tmp"))
+    assert main([*MAP, "--out", str(out)]) == 0
+    assert main([*MAP, "--out", str(tmp_path / "whole.npz")]) == 0
+    a, b = load_map(out), load_map(tmp_path / "whole.npz")
+    assert a.mle.tobytes() == b.mle.tobytes() and (a.regime == b.regime).all()
+
+
+def test_a_file_too_large_for_the_disk_leaves_the_old_one(tmp_path):
+    """A limit of the system's own, in a process of its own."""
+    write_atomically(tmp_path / "x", b"old")
+    program = ("import resource, sys; from spab_core.design import write_atomically\n"
+               "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
+               "try: write_atomically(sys.argv[1], bytes(5000))\n"
+               "except OSError as error: print(error.strerror)")
+    done = subprocess.run([sys.executable, "-c", program, str(tmp_path / "x")], capture_output=True, text=True, timeout=60,
+                          env=os.environ | {"PYTHONPATH": str(ROOT)})
+    assert done.stdout == "File too large\n", done.stderr
+    assert (tmp_path / "x").read_bytes() == b"old" and [p.name for p in tmp_path.iterdir()] == ["x"]
+    assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] == resource.RLIM_INFINITY
+
+
+def work_here(name):
+    """What the worker process does, in this one, where a fault can be planted."""
+    return jobs._work(jobs.jobs_folder() / name)
+
+
+@pytest.fixture
+def queued(root, monkeypatch):
+    """A job whose worker has not come."""
+    monkeypatch.setattr(jobs.sys, "executable", "/bin/false")
+    monkeypatch.setattr(os, "nice", lambda n: 0)
+    job = jobs.submit("bifurcation", LINE)
+    monkeypatch.undo()
+    os.environ["SPAB_JOBS"] = str(root)
+    jobs._workers.pop(job.id).wait(10)
+    yield job.id
+    os.environ.pop("SPAB_JOBS")
+
+
+def start_again(name):
+    folder = jobs.jobs_folder() / name
+    data = jobs._read(folder)
+    jobs._write(folder, data | {"state": "queued", "pid": None, "queued": time.time(), "done": 0, "message": ""})
+
+
+def test_a_job_on_a_full_disk_says_so_and_goes_on(queued, monkeypatch, capfd):
+    monkeypatch.setattr(os, "nice", lambda n: 0)
+    for allowed in (2, 3, 5):
+        with monkeypatch.context() as patch:
+            full(patch, allowed)
+            assert work_here(queued) == 1
+        job = jobs.find(queued)
+        assert job.state == "failed" and "start it again" in job.message
+        assert "No space left on device" in capfd.readouterr().err
+        start_again(queued)
+    assert work_here(queued) == 0
+    done = jobs.find(queued)
+    assert done.state == "done" and done.result.is_file() and not (done.folder / "parts").exists()
+
+
+def test_a_kill_between_result_and_end_loses_nothing(queued, monkeypatch):
+    monkeypatch.setattr(os, "nice", lambda n: 0)
+
+    def killed(*_):
+        raise KeyboardInterrupt  # as near to a kill as this process survives: nothing catches it
+
+    with monkeypatch.context() as patch:
+        patch.setattr(jobs._Report, "end", killed)
+        with pytest.raises(KeyboardInterrupt):
+            work_here(queued)
+    job = jobs.find(queued)
+    assert job.state == "failed" and job.message == jobs.STOPPED
+    written = job.result.stat().st_mtime_ns
+    start_again(queued)
+    monkeypatch.setattr("spab_core.job_kinds.compute_bifurcation", None)  # it must not be asked again
+    assert work_here(queued) == 0
+    assert jobs.find(queued).state == "done" and job.result.stat().st_mtime_ns == written
+
+
+def test_a_job_whose_result_grows_is_not_taken_for_finished():
+    assert [name for name, kind in KINDS.items() if kind.grows] == ["map"]
+
+
+@pytest.mark.parametrize("jump", [-86_400.0, 86_400.0])
+def test_a_clock_that_jumps_does_not_hang_a_job(jump, root, monkeypatch):
+    real = time.time
+    job = jobs.submit("bifurcation", LINE)
+    monkeypatch.setattr(jobs.time, "time", lambda: real() + jump)
+    assert jobs.find(job.id).active  # its worker is on its way
+    assert ended(job.id).state == "done"
+    assert [j.id for j in jobs.list_jobs()] == [job.id]
+
+
+@pytest.mark.parametrize("jump", [-86_400.0, 86_400.0])
+def test_a_worker_lost_before_a_jump_of_the_clock_is_noticed(jump, queued, monkeypatch):
+    real = time.time
+    assert jobs.find(queued).state == "queued"  # for two minutes, as nobody knows better
+    monkeypatch.setattr(jobs.time, "time", lambda: real() + jump)
+    found = jobs.find(queued)
+    assert found.state == "failed" and found.message == jobs.STOPPED
+
+
+def test_time_left_is_not_told_after_the_clock_was_set_back(queued):
+    folder = jobs.jobs_folder() / queued
+    data = jobs._read(folder) | {"state": "running", "done": 3, "total": 6, "started": time.time() + 3600.0}
+    with jobs.FileLock(folder / ".lock"):
+        assert jobs._job(folder, data).seconds_left is None
+
+
+@pytest.mark.parametrize("cut", [0, 100, -1])
+def test_a_chunk_cut_short_is_named(cut, tmp_path, capsys, monkeypatch):
+    out, real = tmp_path / "m.npz", os.fsync
+    with monkeypatch.context() as patch:
+        full(patch, 3)
+        assert main([*MAP, "--out", str(out)]) == 2
+    assert os.fsync is real
+    chunk = Path(f"{out}.parts") / "chunk-000000.npz"
+    chunk.write_bytes(chunk.read_bytes()[:cut])
+    capsys.readouterr()
+    assert main([*MAP, "--out", str(out)]) == 2
+    told = capsys.readouterr().err
+    assert str(chunk) in told and "delete it to compute that chunk again" in told and "Traceback" not in told
+    chunk.unlink()
+    assert main([*MAP, "--out", str(out)]) == 0
+
+
+def test_kernels_cut_short_are_compiled_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    _kernel_cache.choose()
+    place = Path(numba.config.CACHE_DIR)
+    assert place.parent == tmp_path
+    (place / "spab_core_x").mkdir()
+    for name, data in (("a.nbi", b"whole."), ("b.nbc", b"whole."), ("c.nbi", b""), ("d.nbc", b"cut"), ("e.nbc", bytes(9))):
+        (place / "spab_core_x" / name).write_bytes(data)
+    _kernel_cache.choose()
+    assert Path(numba.config.CACHE_DIR) == place
+    assert sorted(p.name for p in place.glob("*/*")) == ["a.nbi", "b.nbc"]
+
+
+@pytest.mark.parametrize("what", ["file", "room"])
+def test_kernels_go_elsewhere_where_they_cannot_be_kept(what, tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    bad = tmp_path / "bad"
+    if what == "file":
+        bad.write_text("no folder")
+    else:
+        real = _kernel_cache.shutil.disk_usage
+        monkeypatch.setattr(_kernel_cache.shutil, "disk_usage",
+                            lambda p: real(p)._replace(free=1000) if str(p).startswith(str(bad)) else real(p))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(bad))
+    _kernel_cache.choose()
+    assert numba.config.CACHE_DIR and not numba.config.CACHE_DIR.startswith(str(bad))
+
+
+def test_a_worker_process_ends_with_the_one_that_started_it():
+    """Killed, the parent can tell its processes nothing."""
+    program = ("import os, time\n"
+               "from joblib.externals.loky import ProcessPoolExecutor\n"
+               "from spab_core.map_engine import end_with_parent\n"
+               "e = ProcessPoolExecutor(max_workers=1)\n"
+               "e.submit(end_with_parent).result()\n"
+               "print(e.submit(os.getpid).result(), flush=True)\n"
+               "time.sleep(100)\n")
+    parent = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True,
+                              env=os.environ | {"PYTHONPATH": str(ROOT)})
+    child = int(parent.stdout.readline())
+    parent.kill()
+    parent.wait()
+    parent.stdout.close()
+    end = time.monotonic() + 20
+    with contextlib.suppress(ProcessLookupError, FileNotFoundError):
+        while Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split()[0] != "Z":
+            assert time.monotonic() < end, "it lives on"
+            time.sleep(0.1)
+
+
+def test_two_processes_do_one_job_once(root):
+    """Both submit it at the same moment; one worker does it, the other finds it taken or done."""
+    program = ("import json, sys; from spab_core import jobs\n"
+               "print(jobs.submit('bifurcation', json.loads(sys.argv[1])).id)")
+    both = [subprocess.Popen([sys.executable, "-c", program, json.dumps(LINE)], stdout=subprocess.PIPE, text=True,
+                             env=os.environ | {"PYTHONPATH": str(ROOT)}) for _ in range(2)]
+    names = {process.communicate(timeout=60)[0].strip() for process in both}
+    assert len(names) == 1 and all(process.returncode == 0 for process in both)
+    (name,) = names
+    assert ended(name).state == "done" and len(jobs.list_jobs()) == 1
+    assert "Traceback" not in (root / name / "log.txt").read_text()
