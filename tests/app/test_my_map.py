@@ -61,7 +61,8 @@ def test_two_maps_are_compared():
 
 @pytest.mark.parametrize(("key", "value", "told"), [
     ("own_numbers", "1:2", "start:stop:count"), ("own_numbers", "0:2:10", "bearing number = 0 is out of range"),
-    ("own_masses", "1:2:100000", "out of range"), ("own_masses", "x", "start:stop:count")])
+    ("own_masses", "1:2:100000", "out of range"), ("own_masses", "x", "start:stop:count"),
+    ("own_dask", "nowhere", "no address")])
 def test_a_wrong_plane_is_a_sentence(key, value, told):
     at = opened(MAP, **SMALL | {key: value})
     assert not at.exception and told in at.error[0].value
