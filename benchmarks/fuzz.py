@@ -435,7 +435,7 @@ def targets(folder):
         "model cache": (4, [side], damaged_json, read_kept),
         "sensitivity": (8, [json.dumps({"base": numbers, "rows": rows}).encode()], damaged_json, from_file(load_sensitivity)),
         "address": (14, [pairs], damaged_address, read_address),
-        "page by address": (0.4, [pairs], damaged_address, open_page),
+        "page by address": (0.3, [pairs], damaged_address, open_page),
     }
 
 

@@ -23,6 +23,7 @@ stability       Static equilibrium, stiffness, linear whirl threshold
 coefficients    The bearing's eight linearised coefficients, against whirl frequency and speed; as a table, as ROSS reads it
 form            The design in the units of a drawing; balance grades; the bearing number from rpm
 derived         What a design means at an operating point: equilibrium, gas flow, stiffness, damping, whirl
+npz             NPZ files: written the same to the byte, read with care
 stability_map   A plane of operating points -> StabilityMap; save, load, check
 map_engine      Computes maps: chunks, resume, processes or a Dask cluster
 bifurcation     A line of operating points, swept cold, up and down -> Bifurcation

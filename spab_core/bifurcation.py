@@ -23,7 +23,7 @@ from spab_core.map_engine import cell_values, compile_once, end_with_parent, loc
 from spab_core.npz import UNREADABLE, npz_bytes, open_npz
 from spab_core.point import OperatingPoint, solve_point
 from spab_core.simulate import Settings, check_point
-from spab_core.stability_map import FIELDS, StabilityMap, map_metadata
+from spab_core.stability_map import FIELDS, StabilityMap, check_axes, map_metadata
 
 VARY = ("rotor-mass", "bearing-number")
 SWEEPS = ("cold", "up", "down")
@@ -310,6 +310,7 @@ def load_bifurcation(path: str | Path) -> Bifurcation:
         with open_npz(path) as data:
             about = data.json("metadata")
             values = np.asarray(data["values"], float)
+            check_axes(path, values)
             n = len(values)
             branches = {}
             for sweep in about["sweeps"]:
@@ -318,7 +319,7 @@ def load_bifurcation(path: str | Path) -> Bifurcation:
                 if section.shape != (n, SECTION_POINTS, 4) or any(c.shape != (n,) for c in columns.values()):
                     raise InputError(f"{path} is no bifurcation diagram: its arrays do not fit together")
                 branches[str(sweep)] = Branch(section, **columns)
-            if values.ndim != 1 or about["vary"] not in VARY or not set(branches) <= set(SWEEPS):
+            if about["vary"] not in VARY or not set(branches) <= set(SWEEPS):
                 raise InputError(f"{path} is no bifurcation diagram: its metadata are not those of one")
             return Bifurcation(str(about["vary"]), float(about["at"]), values, branches, about)
     except InputError:

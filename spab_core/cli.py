@@ -242,6 +242,9 @@ def main(argv: list[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     parser = _build_parser()
     args = parser.parse_args(argv)
+    for name, value in vars(args).items():
+        if value == []:  # what argparse of Python 3.11 makes of --name=--
+            parser.error(f"--{name.replace('_', '-')} = '--' is not allowed")
     try:
         answer = args.run(args)
     except InputError as error:

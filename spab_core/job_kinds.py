@@ -149,7 +149,8 @@ def _check_ranking(parameters: dict) -> dict:
         raise InputError(f"samples = {str(samples)[:60]!r} must be the SHA-256 of {SAMPLES}, which is put beside the job")
     if not isinstance(models, list) or not models:
         raise InputError(f"models = {str(models)[:60]!r} must be a list of {', '.join(MODELS)}")
-    return {"design": Design.from_dict(design).to_dict(), "samples": samples, "models": [model(name).name for name in models]}
+    return {"design": Design.from_dict(design).to_dict(), "samples": samples,
+            "models": [model(str(name)).name for name in models]}
 
 
 def _run_ranking(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:
@@ -201,7 +202,8 @@ def _check_intervals(parameters: dict) -> dict:
     now = {"map": read_manifest().get(REFERENCE_MAP, {}).get("sha256"), "recipe": recipe_hash()}
     if made_from not in (None, now):
         raise InputError("the shipped map or the models' code is another since; start it again")
-    return {"model": model(name).name, "divisor": divisor, "seed": int(check_number("seed", seed, 0, 999)), "made_from": now}
+    return {"model": model(str(name)).name, "divisor": divisor, "seed": int(check_number("seed", seed, 0, 999)),
+            "made_from": now}
 
 
 def _run_intervals(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:

@@ -22,7 +22,7 @@ from spab_core.design import Design, InputError, check_number, write_atomically
 from spab_core.features import LinearTable
 from spab_core.npz import UNREADABLE, npz_bytes, open_npz
 from spab_core.oracles import Oracle, unsolved_values
-from spab_core.stability_map import FIELDS, MapError, check_plane
+from spab_core.stability_map import FIELDS, MapError, check_axes, check_plane
 
 MIN_START = 16  # cells
 START = 256  # the coarse start is 1/START of the plane, but no more than a quarter of the budget
@@ -304,9 +304,11 @@ def load_refinement(path: str | Path) -> Refinement:
     except UNREADABLE as error:
         raise MapError(f"cannot read the refinement {str(path)!r}: {error}") from None
     number, mass, suggested = found["bearing_number"], found["rotor_mass"], found["suggested"]
+    check_axes(path, number, mass)
+    if check_plane(number, mass) > MAX_PLANE:
+        raise MapError(f"{path} is not a refinement: it has more than {MAX_PLANE:,} cells")
     kinds = _ARRAYS | {name: np.dtype(dtype).kind for name, dtype in FIELDS.items()}
-    fits = (number.ndim == mass.ndim == suggested.ndim == 1 and number.dtype.kind == mass.dtype.kind == "f"
-            and suggested.dtype.kind == "i" and found["suggested_for_regime"].shape == suggested.shape
+    fits = (suggested.ndim == 1 and suggested.dtype.kind == "i" and found["suggested_for_regime"].shape == suggested.shape
             and all(found[k].shape == (len(number), len(mass)) and found[k].dtype.kind == kind for k, kind in kinds.items())
             and np.all((suggested >= 0) & (suggested < len(number) * len(mass)))
             and np.isin(found["predicted_regime"], LABELS).all() and np.isin(found["regime"], LABELS).all())

@@ -125,7 +125,7 @@ def check_axes(path: str | Path, *axes: np.ndarray) -> None:
     """Raise :class:`MapError` unless the axes of a file are one-dimensional, finite numbers that rise."""
     for a in axes:
         if a.ndim != 1 or a.dtype.kind != "f" or not a.size or not np.isfinite(a).all() or np.any(np.diff(a) <= 0.0):
-            raise MapError(f"{path} is not a map: its axes must be one-dimensional, finite numbers that rise")
+            raise MapError(f"{path} is damaged: its axes must be one-dimensional, finite numbers that rise")
 
 
 def map_metadata(design: Design, settings: Settings, shape: tuple[int, ...]) -> dict:

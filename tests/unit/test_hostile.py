@@ -2,17 +2,28 @@
 
 import argparse
 import contextlib
+import dataclasses
 import importlib.util
 import io
+import json
 import os
+import subprocess
+import sys
+import tracemalloc
+import zipfile
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from spab_core import jobs
 from spab_core.artifacts import load_reference_map
 from spab_core.cli import _build_parser, main
-from spab_core.stability_map import FIELDS, StabilityMap, save_map
+from spab_core.design import InputError, design_toml, reference_design
+from spab_core.form import MAX_DESIGN_BYTES, read_design_bytes
+from spab_core.npz import MAX_BYTES, UNREADABLE, npz_bytes, open_npz
+from spab_core.stability_map import FIELDS, StabilityMap, load_map, save_map
 from tests.conftest import ROOT
 
 NUMBERS = ["nan", "inf", "-inf", "-1", "0", "1e999", "-0.0", "9" * 400, "1e-320", "", "0x10", "1_000_000_000_000", "٣", "ten"]
@@ -142,3 +153,143 @@ def test_any_value_of_any_option_is_taken_or_refused_in_a_sentence(path, folder,
 
 def _flags(path):
     return {a.option_strings[-1] for a in COMMANDS[path] if a.nargs == 0}
+
+
+def test_damaged_files_and_values_of_every_kind():
+    """A few hundred of the cases of benchmarks/fuzz.py; the script says which failed."""
+    found = subprocess.run([sys.executable, ROOT / "benchmarks" / "fuzz.py", "--cases", "400", "--seed", "7"], cwd=ROOT,
+                           capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
+    assert found.returncode == 0, found.stdout + found.stderr[-2000:]
+    assert "400 cases" in found.stdout and " 0 failed" in found.stdout
+
+
+def zipped(path, how=zipfile.ZIP_DEFLATED, **members):
+    with zipfile.ZipFile(path, "w", how) as archive:
+        for name, data in members.items():
+            archive.writestr(f"{name}.npy", data)
+
+
+def header(shape, descr="<f8"):
+    buffer = io.BytesIO()
+    np.lib.format.write_array_header_1_0(buffer, {"descr": descr, "fortran_order": False, "shape": shape})
+    return buffer.getvalue()
+
+
+@contextlib.contextmanager
+def little_memory():
+    """No more than 3 MB are taken in between."""
+    tracemalloc.start()
+    try:
+        yield
+        assert tracemalloc.get_traced_memory()[1] < 3_000_000
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_bomb_is_refused_before_it_goes_off(tmp_path):
+    """A file of some thousandths of the size that it unpacks to, whether its directory says so or not, takes no memory."""
+    path = tmp_path / "bomb.npz"
+    with (zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+          archive.open("mle.npy", "w", force_zip64=True) as file):
+        file.write(header((125_000_000,)))
+        for _ in range(1000):
+            file.write(bytes(1_000_000))
+    assert path.stat().st_size < 10_000_000
+    with little_memory(), pytest.raises(InputError, match=f"unpacks to 1,000,000,128 bytes: allowed are at most {MAX_BYTES:,}"):
+        load_map(path)
+    data = path.read_bytes()  # the directory now says that it is small
+    path.write_bytes(data[:-200] + data[-200:].replace((1_000_000_128).to_bytes(4, "little"), (10_000).to_bytes(4, "little")))
+    with little_memory(), open_npz(path) as file, pytest.raises(UNREADABLE, match="larger than the file"):
+        file["mle"]
+
+
+@pytest.mark.parametrize(("shape", "descr"), [
+    ((10**9,), "<f8"), ((31623, 31623), "<f8"), ((10**9, 10**9), "<f8"), ((-5,), "<f8"), ((2**62, 4), "<f8"),
+    ((10**12,), "<U0"),
+    ((3,), "<U1000000000"), ((2,), "|O"), ((2,), "<M8[s]"), ((2,), [("a", "<f8")]), ((1,) * 80, "<f8"),
+])
+def test_a_header_that_lies_takes_no_memory(tmp_path, shape, descr):
+    path = tmp_path / "lie.npz"
+    zipped(path, bearing_number=header(shape, descr) + bytes(16))
+    with little_memory(), open_npz(path) as data, pytest.raises(UNREADABLE):
+        data["bearing_number"]
+
+
+def test_what_is_packed_otherwise_or_no_regular_file_is_refused(tmp_path):
+    for how in (zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA):
+        zipped(tmp_path / "other.npz", how, mle=header((1,)) + bytes(8))
+        with pytest.raises(InputError, match="packed in another way"):
+            load_map(tmp_path / "other.npz")
+    zipped(tmp_path / "many.npz", zipfile.ZIP_STORED, **{f"{k:0100d}": b"" for k in range(7000)})
+    with pytest.raises(InputError, match="too many parts"):
+        load_map(tmp_path / "many.npz")
+    os.mkfifo(tmp_path / "pipe")
+    for path in ("/dev/zero", tmp_path / "pipe", tmp_path):  # none is waited for
+        with pytest.raises(InputError, match="cannot read the map"):
+            load_map(path)
+
+
+def test_arrays_come_back_as_they_were_written(tmp_path):
+    arrays = {"a": np.arange(6.0).reshape(2, 3), "b": np.array(["x", "Λ"]), "c": np.empty((0, 4), np.int16),
+              "d": np.array(True), "f": np.asfortranarray(np.arange(6).reshape(2, 3))}
+    for source in (npz_bytes(arrays), tmp_path / "a.npz"):
+        if source == tmp_path / "a.npz":
+            np.savez(source, **arrays)
+        with open_npz(source) as data:
+            for name, array in arrays.items():
+                assert np.array_equal(data[name], array) and data[name].dtype == array.dtype
+            assert "e" not in data
+
+
+def test_maps_whose_axes_do_not_rise_are_refused(tmp_path, folder):
+    m = load_map(folder / "small.npz")
+    for wrong in (np.nan, np.inf, 0.0, 1e9):
+        axis = m.rotor_mass.copy()
+        axis[-1] = wrong
+        save_map(dataclasses.replace(m, rotor_mass=axis), tmp_path / "m.npz")
+        with pytest.raises(InputError, match=r"rise|out of range"):
+            load_map(tmp_path / "m.npz")
+
+
+@pytest.mark.parametrize("argv", [
+    ["map", "--bearing-number", "1:2:100000", "--rotor-mass", "1:2:10000", "--out", "x.npz"],
+    ["map", "--bearing-number", "1:2:1000000000", "--rotor-mass", "1:2:1", "--out", "x.npz"],
+    ["design", "map", "--bearing-number", "1:2:100000", "--rotor-mass", "1:2:10000", "--out", "x.npz"],
+    ["refine", "--bearing-number", "1:2:100000", "--rotor-mass", "1:2:10000", "--budget", "100", "--out", "x.npz"],
+])
+def test_a_map_of_a_billion_cells_is_a_sentence(argv, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(argv) == 2
+    assert "out of range: allowed is from" in capsys.readouterr().err and not list(tmp_path.iterdir())
+
+
+def test_a_csv_of_very_many_rows_is_a_sentence():
+    from spab_core.foreign import MAX_BYTES, read_samples
+    with pytest.raises(InputError, match="200,000 rows"):
+        read_samples(b"bearing_number,rotor_mass,mle\n" + b"1,2,3\n" * 300_000)
+    with pytest.raises(InputError, match=f"at most {MAX_BYTES:,}"):
+        read_samples(b"x" * (MAX_BYTES + 1))
+
+
+def test_a_design_file_that_costs_by_its_square_is_refused():
+    text = design_toml(reference_design()).encode()
+    assert read_design_bytes(text) == reference_design() and len(text) * 5 < MAX_DESIGN_BYTES
+    with pytest.raises(InputError, match="allowed are at most 20,000"):
+        read_design_bytes(b"a." * 45_000 + b"a = 1")  # 8 GB in tomllib
+
+
+def test_an_infinite_stiffness_is_listed_as_json(capsys):
+    name, parameters = jobs._request("point", {"design": {"rotor": {"shaft_stiffness": float("inf")}}, "rotor_mass": 5.0,
+                                               "bearing_number": 3.0})
+    (jobs.jobs_folder() / name).mkdir()
+    now = {"kind": "point", "parameters": parameters, "state": "cancelled", "done": 0, "total": 0, "kept": 0, "created": 1e9,
+           "queued": 1e9, "started": None, "finished": None, "message": "", "pid": None}
+    jobs._write(jobs.jobs_folder() / name, now)
+    assert main(["jobs", "list", "--json"]) == 0
+    found = [job for job in json.loads(capsys.readouterr().out)["jobs"] if job["id"] == name]
+    assert found[0]["parameters"]["design"]["rotor"]["shaft_stiffness"] == "inf"
+    for field, value in (("created", float("nan")), ("started", 10**400), ("done", -1), ("total", True), ("kind", {})):
+        jobs._write(jobs.jobs_folder() / name, now | {field: value})
+        with pytest.raises(InputError, match="damaged"):
+            jobs.find(name)
+    jobs.delete(name)
