@@ -236,7 +236,7 @@ class ServerKilled(Work):
         if "own_map_start" in user.ids:
             await user.run(button="own_map_start")
         user.close()
-        assert not user.errors, user.errors
+        assert not user.errors and not user.red, (user.errors, user.red)
 
     def stop(self) -> None:
         workers = {json.loads(p.read_text())["pid"] for p in self.folder.glob("map-*/job.json")}
