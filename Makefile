@@ -1,13 +1,20 @@
 PYTHON ?= python3
 BIN := .venv/bin
+OLDEST := tests/unit/test_design.py tests/unit/test_form.py tests/unit/test_export.py tests/unit/test_artifacts.py \
+  tests/unit/test_evaluation.py tests/unit/test_kernels.py tests/unit/test_threads.py tests/app/test_about.py \
+  tests/app/test_view.py tests/app/test_operating_point.py
 
-.PHONY: run test lint lock map train verify bifurcations audit linear-table refined manifest pictures results clean
+.PHONY: run test test-oldest licences lint lock map train verify bifurcations audit linear-table refined manifest pictures results clean
 
 run: .venv/.ready
 	$(BIN)/streamlit run app.py
 
 test: .venv/.ready
 	$(BIN)/python -m pytest
+
+# the oldest versions that pyproject.toml allows: what depends on the libraries, without the models kept for the newest ones
+test-oldest: .venv-oldest/.ready
+	NUMBA_CACHE_DIR=.venv-oldest/kernels .venv-oldest/bin/python -m pytest -q $(OLDEST)
 
 lint: .venv/.ready
 	$(BIN)/ruff check .
@@ -18,6 +25,8 @@ lock: .venv/.ready
 	$(BIN)/pip install --quiet uv
 	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --extra test --no-emit-index-url --no-header \
 	  --output-file requirements.lock --upgrade pyproject.toml
+	$(BIN)/uv pip compile --quiet --resolution lowest-direct --python-version 3.11 --extra test --no-emit-index-url --no-header \
+	  --output-file requirements-oldest.lock --upgrade pyproject.toml
 
 # the shipped map: 42,500 cells, three quarters of an hour on two cores; an interrupted run goes on; then `make train`
 map: .venv/.ready
@@ -56,6 +65,10 @@ results: .venv/.ready
 linear-table: .venv/.ready
 	$(BIN)/python -m spab_core.features
 
+# the licences of all that is installed: docs/licences.md
+licences: .venv/.ready
+	$(BIN)/python benchmarks/licences.py
+
 # checksums of everything in artifacts/
 manifest: .venv/.ready
 	$(BIN)/python -m spab_core.artifacts
@@ -63,6 +76,12 @@ manifest: .venv/.ready
 # the pictures of docs/dashboard.md and the README, taken in Chromium
 pictures: .venv/.ready
 	$(BIN)/python docs/take_pictures.py
+
+.venv-oldest/.ready: pyproject.toml requirements-oldest.lock
+	$(PYTHON) -m venv .venv-oldest
+	.venv-oldest/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-oldest.lock
+	.venv-oldest/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
+	touch $@
 
 .venv/.ready: pyproject.toml requirements.lock
 	$(PYTHON) -c "import sys; sys.exit(0 if sys.version_info >= (3, 11) else 'spab needs Python 3.11 or newer')"
@@ -72,5 +91,5 @@ pictures: .venv/.ready
 	touch $@
 
 clean:
-	rm -rf .venv build *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .venv-oldest build *.egg-info .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +

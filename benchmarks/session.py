@@ -22,7 +22,8 @@ class User:
         self.states: dict[str, tuple[str, object]] = {}  # what was set: by id, the field of WidgetState and its value
         self.hashes: dict[str, str] = {}  # of the pages, by their names in addresses; "" is the home page
         self.page, self.query = "", ""
-        self.errors: list[str] = []  # what the pages showed in red, exceptions first of all
+        self.errors: list[str] = []  # exceptions that the pages showed
+        self.red: list[str] = []  # what else they showed in red: verdicts, and what is wrong with a value
         self.cached: dict[str, ForwardMsg] = {}
 
     async def connect(self) -> None:
@@ -76,7 +77,7 @@ class User:
             if what == "exception":
                 self.errors.append(f"{self.page}: {shown.type}: {shown.message}")
             elif what == "alert" and shown.format == shown.ERROR:
-                self.errors.append(f"{self.page}: {shown.body}")
+                self.red.append(f"{self.page}: {shown.body}")
             name = getattr(shown, "id", "")
             if isinstance(name, str) and name.startswith("$$ID-"):
                 self.ids[name.removeprefix("$$ID-").partition("-")[2]] = name

@@ -53,6 +53,7 @@ def typed(draw):
     low, high = field.low * ambient, min(field.high * ambient, 3000.0 if name == "bearing__clearance" else math.inf)
     digits = draw(st.integers(1, 12))
     value = float(f"{draw(st.floats(low, high, exclude_min=field.open_low)):.{digits}g}")
+    value = value if value > 1e-250 else 0.0  # below lie numbers that a double in SI units cannot hold
     return name, min(max(value, low), high) or high
 
 
