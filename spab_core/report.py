@@ -41,7 +41,7 @@ body{font:15px/1.5 system-ui,sans-serif;max-width:1100px;margin:2rem auto;paddin
 h1{font-size:1.6rem} h2{font-size:1.2rem;margin-top:2rem;border-bottom:1px solid #ccc}
 table{border-collapse:collapse;margin:.5rem 0} th,td{padding:.15rem .8rem .15rem 0;text-align:left;border-bottom:1px solid #eee}
 pre{background:#f4f4f4;padding:.6rem;white-space:pre-wrap} figure{margin:1rem 0;break-inside:avoid}
-figcaption{color:#555;font-size:.9rem} @page{margin:15mm}"""
+figcaption{color:#555;font-size:.9rem} @page{margin:15mm} @media print{.modebar{display:none}} h2{break-after:avoid}"""
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,8 @@ def own_figure(found: tuple[Refinement, StabilityMap], layer: str, rotor_mass: f
     if layer == LAYERS[2]:
         figure = map_figure(m, "MLE")
         figure.update_traces(z=refined.unstable.T.astype(np.float32), zmin=0.0, zmax=1.0, colorscale="Cividis",
-                             colorbar={"title": "probability of instability"}, selector={"type": "heatmap"})
+                             colorbar={"title": {"text": "probability of instability", "side": "right"}},
+                             selector={"type": "heatmap"})
     else:
         figure = map_figure(m, layer)
     row, column = np.nonzero(refined.solved)
