@@ -72,7 +72,7 @@ seed = c.number_input("Draw", 0, 999, key="draw", on_change=_mark,
 with errors_in_words():
     predicted = predicted_map(name, divisor, int(seed))
 
-found, deviation = errors(m, predicted), float(np.nanstd(m.mle))
+found = errors(m, predicted)
 figure = surrogate_figure(m, predicted, state["marked"])
 lives = error_by_regime(m, predicted)
 with d:
@@ -80,16 +80,17 @@ with d:
         "Predicted map": partial(prediction_table, m, predicted), "Errors": lives.rename_axis("cells").reset_index},
         {"npz": partial(prediction_npz, m, predicted)},
         f"spab predict --model {name} --divisor {divisor} --seed {int(seed)} --out predicted.npz")
-cells = st.columns(5)
-cells[0].metric("RMSE, held-out cells", f"{found['rmse_held_out']:.3f}",
-                help="Per revolution, over the cells that were not trained on")
-cells[1].metric("MAE, held-out cells", f"{found['mae_held_out']:.3f}", help="Per revolution")
-cells[2].metric("RMSE over deviation", f"{found['rmse_held_out'] / deviation:.3f}",
-                help=f"Held-out RMSE over the map's standard deviation, {deviation:.3f} per revolution: 1 is no better than "
-                     "the mean of the map")
-cells[3].metric("RMSE, whole map", f"{found['rmse_all']:.3f}",
-                help="Training cells included, as the paper counts")
-cells[4].metric("Cells trained on", f"{predicted.surrogate.training_cells:,}")
+spread = float(np.nanstd(m.mle))
+with st.container(horizontal=True, horizontal_alignment="distribute"):
+    for label, value, text in (
+            ("RMSE, held-out cells", f"{found['rmse_held_out']:.3f}", "Per revolution, over the cells not trained on"),
+            ("MAE, held-out cells", f"{found['mae_held_out']:.3f}", "Per revolution"),
+            ("RMSE over deviation", f"{found['rmse_held_out'] / spread:.3f}",
+             f"Held-out RMSE over the map's standard deviation, {spread:.3f} per revolution: 1 is no better than the mean of "
+             "the map"),
+            ("RMSE, whole map", f"{found['rmse_all']:.3f}", "Training cells included, as the paper counts"),
+            ("Cells trained on", f"{predicted.surrogate.training_cells:,}", None)):
+        st.metric(label, value, help=text, width="content")
 if predicted.surrogate.converged is False:
     st.warning("The training of this network stopped at its limit of 500 epochs, before its own criterion was met.")
 

@@ -3,7 +3,7 @@
 import streamlit as st
 
 from spab_core.export import map_table
-from spab_core.quick_map import SECONDS, check_quick_map, usual_plane
+from spab_core.quick_map import SECONDS, check_cluster, check_quick_map, usual_plane
 from spab_core.report import report_html, report_pdf
 from spab_core.ui import own_map
 from spab_core.ui.downloads import downloads
@@ -21,10 +21,15 @@ number = row.text_input("Bearing numbers Λ, start:stop:count", usual[0], key="o
 mass = row.text_input("Rotor masses in kg, start:stop:count", usual[1], key="own_masses", width=230, max_chars=60)
 minutes = row.number_input("Minutes", 0.5, 600.0, SECONDS / 60.0, 0.5, key="own_minutes", width=110,
                            help="Wall time of the computation; more minutes solve more cells near the borders")
+with row.popover("Cluster", icon=":material/lan:"):
+    cluster = st.text_input("Dask scheduler", key="own_dask", placeholder="tcp://host:8786", max_chars=200,
+                            help="Solve on a cluster of yours instead of this machine (docs/scaling.md). Its answers are code "
+                                 "to this server: give only an address that you trust")
 layer = row.segmented_control("Layer", own_map.LAYERS, default=own_map.LAYERS[0], key="own_layer", required=True)
 with errors_in_words():
     check_quick_map(number, mass, 60.0 * minutes)
-    parameters = {"design": design.to_dict(), "bearing_number": number, "rotor_mass": mass, "seconds": 60.0 * minutes}
+    parameters = {"design": design.to_dict(), "bearing_number": number, "rotor_mass": mass, "seconds": 60.0 * minutes,
+                  "dask": check_cluster(cluster)}
 
 
 def _clicked() -> None:

@@ -4,9 +4,9 @@ import pandas as pd
 import streamlit as st
 
 from spab_core.derived import derive
-from spab_core.design import parse_design
 from spab_core.figures_point import orbit_figure
 from spab_core.figures_what_if import run_up_figure, tornado_figure
+from spab_core.form import read_design_bytes
 from spab_core.presets import PRESETS
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.ui.downloads import downloads
@@ -93,7 +93,7 @@ def two_designs() -> None:
                          format_func=lambda k: PRESETS[k].label)
     file = row.file_uploader("or a design file (TOML)", "toml", key="two_file", width=420)
     with errors_in_words():
-        other = parse_design(file.getvalue().decode("utf-8", "replace")) if file else PRESETS[name].design
+        other = read_design_bytes(file.getvalue(), file.name) if file else PRESETS[name].design
         sides = (("This design", design), (f"Other: {file.name if file else PRESETS[name].label}", other))
         records = {}
         for box, (title, one) in zip(st.columns(2, gap="medium"), sides, strict=True):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import re
 from pathlib import Path
 
 import pandas as pd
@@ -26,6 +27,7 @@ UNCERTAINTY = "surrogate_uncertainty.csv"  # regimes, intervals, probability of 
 PREDICTIONS = "surrogate_maps.npz"
 SECONDS = "surrogate_seconds.csv"  # measured by benchmarks/surrogates.py: not part of what is rebuilt to the bit
 MANIFEST = "manifest.json"
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")  # of a file there
 REFINED = "refined_map.npz"
 BIFURCATIONS = ("bifurcation_rotor_mass.npz", "bifurcation_bearing_number.npz")  # at Lambda 3.45, at 4.52 kg
 
@@ -59,7 +61,8 @@ def read_manifest(folder: Path = ARTIFACTS) -> dict[str, dict]:
     """
     try:
         files = json.loads((folder / MANIFEST).read_text("utf-8"))["files"]
-        if not all(isinstance(entry["sha256"], str) and Path(name).name == name for name, entry in files.items()):
+        if not all(isinstance(entry["sha256"], str) and _NAME.fullmatch(name)
+                   for name, entry in files.items()):
             raise ValueError
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise ArtifactError(f"{folder / MANIFEST} is missing or no manifest: restore the folder from the repository, or run "

@@ -20,9 +20,10 @@ from joblib.externals.loky import ProcessPoolExecutor
 
 from spab_core.design import Design, InputError, write_atomically
 from spab_core.map_engine import cell_values, compile_once, end_with_parent, locked, open_run, read_part
+from spab_core.npz import UNREADABLE, npz_bytes, open_npz
 from spab_core.point import OperatingPoint, solve_point
 from spab_core.simulate import Settings, check_point
-from spab_core.stability_map import FIELDS, UNREADABLE, StabilityMap, map_metadata, npz_bytes
+from spab_core.stability_map import FIELDS, StabilityMap, map_metadata
 
 VARY = ("rotor-mass", "bearing-number")
 SWEEPS = ("cold", "up", "down")
@@ -306,8 +307,8 @@ def load_bifurcation(path: str | Path) -> Bifurcation:
         For a file that is none.
     """
     try:
-        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as data:
-            about = json.loads(str(data["metadata"]))
+        with open_npz(path) as data:
+            about = data.json("metadata")
             values = np.asarray(data["values"], float)
             n = len(values)
             branches = {}
@@ -322,5 +323,5 @@ def load_bifurcation(path: str | Path) -> Bifurcation:
             return Bifurcation(str(about["vary"]), float(about["at"]), values, branches, about)
     except InputError:
         raise
-    except (*UNREADABLE, TypeError, AttributeError) as error:
+    except UNREADABLE as error:
         raise InputError(f"cannot read the bifurcation diagram {str(path)!r}: {error}") from None

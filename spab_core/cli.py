@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import csv
 import io
 import json
@@ -15,8 +16,9 @@ from spab_core import cli_dashboard, cli_design, cli_jobs, cli_margin, cli_model
 from spab_core._version import __version__
 from spab_core.bifurcation import SWEEPS, VARY, chaotic_intervals, check_line, compute_bifurcation, save_bifurcation
 from spab_core.cli_jobs import kept_when_stopped
-from spab_core.design import InputError, check_number, check_output, load_design, reference_design, write_atomically
+from spab_core.design import InputError, check_number, check_output, reference_design, write_atomically
 from spab_core.film import DEFAULT_MESH, SCHEMES, parse_mesh
+from spab_core.form import read_design_file
 from spab_core.integrate import DEFAULT_TOLERANCE, METHODS, is_compiled
 from spab_core.map_engine import compute_map, open_run, remove_parts
 from spab_core.point import solve_point
@@ -117,7 +119,7 @@ def _settings(args) -> Settings:
 
 
 def _design(args):
-    return load_design(args.design) if args.design is not None else reference_design()
+    return read_design_file(args.design) if args.design is not None else reference_design()
 
 
 def _say_compiling():
@@ -236,6 +238,8 @@ def _count(result):
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; returns the exit code: 0, 1 where ``spab verify`` finds something wrong, or 2 for bad input."""
+    with contextlib.suppress(AttributeError):  # a file name may hold what the terminal cannot show
+        sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     parser = _build_parser()
     args = parser.parse_args(argv)
     try:

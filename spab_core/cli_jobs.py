@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -55,10 +56,15 @@ def add_commands(commands) -> None:
         sub.set_defaults(run=run)
 
 
+def _finite(parameters: dict) -> dict:
+    """Parameters as plain JSON: an infinite stiffness becomes "inf"."""
+    return json.loads(json.dumps(parameters), parse_constant=lambda word: word.lower().removesuffix("inity"))
+
+
 def _record(job: Job) -> dict:
     return {"id": job.id, "state": job.state, "done": job.done, "total": job.total, "bytes": job.size, "created": job.created,
             "started": job.started, "finished": job.finished, "seconds_left": job.seconds_left, "message": job.message,
-            "folder": str(job.folder), "parameters": job.parameters}
+            "folder": str(job.folder), "parameters": _finite(job.parameters)}
 
 
 def _line(job: Job) -> str:

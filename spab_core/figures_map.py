@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import plotly.graph_objects as go
+from contourpy import contour_generator
 from scipy.ndimage import gaussian_filter
 
 from spab_core.features import LinearTable
@@ -75,11 +76,13 @@ def _add_layer(figure: go.Figure, m: StabilityMap, layer: str, predicted: Predic
 
 
 def _add_line(figure: go.Figure, name: str, x, y, z, level: float, dash: str) -> None:
-    """A level of z (x, y) as a black line on a white one, to be seen on every colour."""
-    at = {"start": level, "end": level, "size": 1.0, "coloring": "none"}
+    """A level of z (x, y) as a black line on a white one, to be seen on every colour; found here, not in the browser."""
+    pieces = contour_generator(x, y, z.T).lines(level)
+    gap = np.full((1, 2), np.nan)
+    path = np.concatenate([part for piece in pieces for part in (piece, gap)] or [gap])
     for line, shown in (({"color": "#ffffff", "width": 4.5}, False), ({"color": "#000000", "width": 2, "dash": dash}, True)):
-        figure.add_contour(x=x, y=y, z=z.T, contours=at, line=line, name=name, showlegend=shown,
-                           legendgroup=name, showscale=False, hoverinfo="skip")
+        figure.add_scatter(x=path[:, 0], y=path[:, 1], mode="lines", line=line, name=name, showlegend=shown,
+                           legendgroup=name, hoverinfo="skip")
 
 
 def map_figure(m: StabilityMap, layer: str = "MLE", predicted: PredictedMap | None = None,
@@ -104,9 +107,8 @@ def map_figure(m: StabilityMap, layer: str = "MLE", predicted: PredictedMap | No
     """
     figure = go.Figure()
     _add_layer(figure, m, layer, predicted)
-    # in bytes, halfway between 0 and 255: a quarter of the data
-    chaos = gaussian_filter(np.where(m.regime == "chaotic", 255.0, 0.0), _SMOOTHED, mode="nearest").round().astype(np.uint8)
-    _add_line(figure, "border of chaos", m.bearing_number, m.rotor_mass, chaos, 127.5, "solid")
+    chaos = gaussian_filter((m.regime == "chaotic").astype(float), _SMOOTHED, mode="nearest")
+    _add_line(figure, "border of chaos", m.bearing_number, m.rotor_mass, chaos, 0.5, "solid")
     if table is not None:
         _add_line(figure, "linear stability threshold", table.bearing_number, table.rotor_mass,
                   (table.bearing_number[:, None] * table.rate).astype(np.float32), 0.0, "dash")

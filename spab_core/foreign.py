@@ -14,8 +14,8 @@ import pandas as pd
 from spab_core.design import Design, InputError
 from spab_core.evaluation import mae, rmse
 from spab_core.features import table_for
+from spab_core.npz import UNREADABLE, npz_bytes, open_npz
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
-from spab_core.stability_map import UNREADABLE, npz_bytes
 from spab_core.surrogates import DIVISORS, MODELS, Model, train, training_mask
 
 MAX_BYTES = 20_000_000
@@ -110,7 +110,7 @@ def samples_bytes(samples: Samples) -> bytes:
 def load_samples(path: Path) -> Samples:
     """What :func:`samples_bytes` gave, from a file; nothing in it is unpickled. Raises ``InputError`` for any other file."""
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
+        with open_npz(path) as data:
             found = Samples(data["inputs"], data["mle"], int(data["left_out"]))
     except UNREADABLE as error:
         raise InputError(f"cannot read the samples {str(path)!r}: {error}") from None

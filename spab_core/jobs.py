@@ -50,6 +50,7 @@ _FIELDS: dict[str, tuple] = {
     "created": (int, float), "queued": (int, float), "started": (int, float, type(None)),
     "finished": (int, float, type(None)), "message": (str,), "pid": (int, type(None)),
 }
+_LARGEST = 1e11  # of any number there: a date in the year 5138
 
 
 class JobError(InputError):
@@ -136,9 +137,9 @@ def _read(folder: Path) -> dict | None:
     """What job.json says; None where there is none. Raises :class:`JobError` for one that is damaged."""
     try:
         data = json.loads(private_folder.own_bytes(folder / "job.json", _MAX_BYTES))
-        fits = (isinstance(data, dict) and data.keys() == _FIELDS.keys() and data["state"] in STATES and data["kind"] in KINDS
-                and all(isinstance(data[name], types) for name, types in _FIELDS.items())
-                and folder.name.startswith(data["kind"] + "-"))
+        fits = (isinstance(data, dict) and data.keys() == _FIELDS.keys()
+                and all(_is_one(data[name], types) for name, types in _FIELDS.items())
+                and data["state"] in STATES and data["kind"] in KINDS and folder.name.startswith(data["kind"] + "-"))
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
@@ -148,6 +149,12 @@ def _read(folder: Path) -> dict | None:
     if not fits:
         raise JobError(f"job {folder.name}: its job.json is damaged, or of another version; start it again, or delete it")
     return data
+
+
+def _is_one(value: object, types: tuple) -> bool:
+    """Whether the value is of one of the types and, where it is a number, one that can be counted or dated with."""
+    number = isinstance(value, (int, float))
+    return isinstance(value, types) and not isinstance(value, bool) and (not number or 0 <= value <= _LARGEST)
 
 
 def _write(folder: Path, data: dict) -> None:

@@ -24,9 +24,10 @@ import numpy as np
 from spab_core._kernel_cache import solver_hash
 from spab_core.design import Design, InputError, reference_design, write_atomically
 from spab_core.integrate import is_compiled
+from spab_core.npz import UNREADABLE, npz_bytes, open_npz
 from spab_core.point import OperatingPoint, solve_point
 from spab_core.simulate import Settings
-from spab_core.stability_map import FIELDS, UNREADABLE, MapError, StabilityMap, check_plane, map_metadata, npz_bytes
+from spab_core.stability_map import FIELDS, MapError, StabilityMap, check_plane, map_metadata
 
 CHUNK_CELLS = 25
 CLUSTER_SECONDS = 20  # for a scheduler to answer and for its first worker
@@ -236,7 +237,7 @@ def read_part(path: Path, names: Iterable[str], per_point: Iterable[str], count:
         For a file that is damaged or belongs to another run.
     """
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
+        with open_npz(path) as data:
             result = {name: data[name] for name in (*names, "run")}
     except UNREADABLE as error:
         raise MapError(f"{path} is damaged ({error}); delete it to compute that chunk again") from None

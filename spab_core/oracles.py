@@ -11,8 +11,9 @@ import numpy as np
 
 from spab_core.design import Design, write_atomically
 from spab_core.map_engine import cluster_or_processes, locked, open_run, solve_chunk
+from spab_core.npz import UNREADABLE, npz_bytes, open_npz
 from spab_core.simulate import Settings
-from spab_core.stability_map import FIELDS, UNREADABLE, MapError, StabilityMap, check_plane, npz_bytes
+from spab_core.stability_map import FIELDS, MapError, StabilityMap, check_plane
 
 CHUNK = 5  # cells solved between two checkpoints
 
@@ -107,7 +108,7 @@ def live_oracle(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarr
 
 def _read_chunk(path: Path, run_hash: str, count: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
+        with open_npz(path) as data:
             found = {name: data[name] for name in (*FIELDS, "cells", "run")}
     except UNREADABLE as error:
         raise MapError(f"{path} is damaged ({error}); delete it to compute these cells again") from None

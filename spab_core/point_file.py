@@ -12,10 +12,11 @@ from spab_core.design import Design, InputError, write_atomically
 from spab_core.floquet import Settled
 from spab_core.integrate import STATUS
 from spab_core.lyapunov import Exponent
+from spab_core.npz import UNREADABLE, npz_bytes, open_npz
 from spab_core.point import OperatingPoint
 from spab_core.regimes import REGIMES, Regime
 from spab_core.simulate import Settings, Trajectory
-from spab_core.stability_map import UNREADABLE, map_metadata, npz_bytes
+from spab_core.stability_map import map_metadata
 
 _ARRAYS = {"section": 2, "growth": 1, "contact": 1, "peak": 1, "path": 3, "final": 1}  # of a Trajectory, with their dimensions
 _ROTOR_STATES = {"section", "path"}
@@ -49,8 +50,8 @@ def load_point(path: str | Path) -> OperatingPoint:
         For a file that is none.
     """
     try:
-        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as data:
-            about = json.loads(str(data["metadata"]))
+        with open_npz(path) as data:
+            about = data.json("metadata")
             arrays = {name: np.asarray(data[name], float) for name in _ARRAYS}
             trace = np.asarray(data["trace"], float)
         fits = all(arrays[name].ndim == n for name, n in _ARRAYS.items()) and trace.ndim == 1
@@ -67,5 +68,5 @@ def load_point(path: str | Path) -> OperatingPoint:
                               Settings(**about["settings"]), trajectory, mle, regime)
     except InputError:
         raise
-    except (*UNREADABLE, TypeError, AttributeError) as error:
+    except UNREADABLE as error:
         raise InputError(f"cannot read the operating point {str(path)!r}: {error}") from None

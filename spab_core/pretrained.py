@@ -31,7 +31,8 @@ from threadpoolctl import threadpool_limits
 from spab_core import model_cache
 from spab_core.artifacts import ARTIFACTS, PREDICTIONS, SECONDS, ArtifactError, checked_bytes, read_manifest
 from spab_core.design import Design
-from spab_core.stability_map import FIELDS, UNREADABLE, StabilityMap, npz_bytes
+from spab_core.npz import UNREADABLE, npz_bytes, open_npz
+from spab_core.stability_map import FIELDS, StabilityMap
 from spab_core.surrogates import Model, PredictedMap, Surrogate, predict_map, solved_cells, training_mask
 
 SEED = 0  # of what is shipped
@@ -393,8 +394,8 @@ def load_shipped_map(m: StabilityMap, kind: Model, divisor: int, seed: int = SEE
     data, retrain = checked_bytes(PREDICTIONS, folder), "`spab train --all` makes it again"
     wanted = {"design": design_hash(m.design), "map": map_hash(m), "seed": seed}
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as file:
-            noted = json.loads(str(file["metadata"]))
+        with open_npz(data) as file:
+            noted = file.json("metadata")
             if apart := difference(noted, wanted):
                 raise ArtifactError(f"the predicted maps of {PREDICTIONS} are not shown: {apart}; {retrain}")
             row = noted["divisors"].index(divisor)
@@ -405,7 +406,7 @@ def load_shipped_map(m: StabilityMap, kind: Model, divisor: int, seed: int = SEE
             raise ValueError("it does not fit the map")
     except ArtifactError:
         raise
-    except (*UNREADABLE, TypeError, IndexError, AttributeError) as error:
+    except UNREADABLE as error:
         raise ArtifactError(f"{kind.label} trained on n/{divisor} is not in {PREDICTIONS} ({str(error)[:100]}); "
                             f"{retrain}") from None
     index, _, values = solved_cells(m)

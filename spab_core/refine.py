@@ -20,8 +20,9 @@ import pandas as pd
 from spab_core.committee import LABELS, Prediction, plane_inputs, predict_plane
 from spab_core.design import Design, InputError, check_number, write_atomically
 from spab_core.features import LinearTable
+from spab_core.npz import UNREADABLE, npz_bytes, open_npz
 from spab_core.oracles import Oracle, unsolved_values
-from spab_core.stability_map import FIELDS, UNREADABLE, MapError, check_plane, npz_bytes
+from spab_core.stability_map import FIELDS, MapError, check_plane
 
 MIN_START = 16  # cells
 START = 256  # the coarse start is 1/START of the plane, but no more than a quarter of the budget
@@ -293,14 +294,14 @@ def save_refinement(result: Refinement, path: str | Path) -> None:
 def load_refinement(path: str | Path) -> Refinement:
     """Read what :func:`save_refinement` wrote; nothing in it is ever unpickled. Raises ``MapError`` for any other file."""
     try:
-        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as data:
+        with open_npz(path) as data:
             found = {name: data[name] for name in ("bearing_number", "rotor_mass", *_ARRAYS, *FIELDS, "suggested",
                                                    "suggested_for_regime")}
-            metadata = json.loads(str(data["metadata"]))
+            metadata = data.json("metadata")
             Design.from_dict(metadata["design"])
     except InputError:
         raise
-    except (*UNREADABLE, TypeError) as error:
+    except UNREADABLE as error:
         raise MapError(f"cannot read the refinement {str(path)!r}: {error}") from None
     number, mass, suggested = found["bearing_number"], found["rotor_mass"], found["suggested"]
     kinds = _ARRAYS | {name: np.dtype(dtype).kind for name, dtype in FIELDS.items()}

@@ -30,6 +30,7 @@ from spab_core.artifacts import (
 )
 from spab_core.design import Design, InputError, reference_design, write_atomically
 from spab_core.evaluation import SEEDS, errors, evaluate
+from spab_core.npz import npz_bytes
 from spab_core.pretrained import (
     SEED,
     describe,
@@ -44,7 +45,7 @@ from spab_core.pretrained import (
     predict_with,
     train_on_map,
 )
-from spab_core.stability_map import StabilityMap, load_map, npz_bytes, save_map
+from spab_core.stability_map import StabilityMap, load_map, save_map
 from spab_core.surrogates import DIVISORS, MODELS, Model, training_mask
 
 # tables of errors by file: the models in them (None: all), and what evaluation.evaluate is asked besides

@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import datetime
-import io
 import json
 import platform
-import tokenize
-import zipfile
-import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,6 +13,7 @@ import numpy as np
 from spab_core._kernel_cache import solver_hash
 from spab_core.design import Design, InputError, write_atomically
 from spab_core.integrate import STATUS
+from spab_core.npz import UNREADABLE, npz_bytes, open_npz
 from spab_core.regimes import MAX_PERIOD, REGIMES, Regime
 from spab_core.simulate import Settings, check_point
 
@@ -25,11 +22,6 @@ FIELDS: dict[str, type | str] = {  # dtype of each cell array, in the file's ord
     "mle": np.float64, "mle_standard_error": np.float64, "regime": "<U14", "period": np.int16,
     "contact_share": np.float64, "max_eccentricity": np.float64, "status": "<U16", "revolutions": np.int32,
 }
-
-
-# whatever numpy, zipfile and zlib raise for a file that is damaged or no NPZ
-UNREADABLE = (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error, tokenize.TokenError,
-               MemoryError, SyntaxError)
 
 
 class MapError(InputError):
@@ -129,11 +121,11 @@ def check_plane(bearing_number: np.ndarray, rotor_mass: np.ndarray) -> int:
     return count
 
 
-def npz_bytes(arrays: dict) -> bytes:
-    """Arrays by name as the bytes of a compressed NPZ file; the same arrays give the same bytes."""
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)
-    return buffer.getvalue()
+def check_axes(path: str | Path, *axes: np.ndarray) -> None:
+    """Raise :class:`MapError` unless the axes of a file are one-dimensional, finite numbers that rise."""
+    for a in axes:
+        if a.ndim != 1 or a.dtype.kind != "f" or not a.size or not np.isfinite(a).all() or np.any(np.diff(a) <= 0.0):
+            raise MapError(f"{path} is not a map: its axes must be one-dimensional, finite numbers that rise")
 
 
 def map_metadata(design: Design, settings: Settings, shape: tuple[int, ...]) -> dict:
@@ -172,21 +164,21 @@ def load_map(path: str | Path) -> StabilityMap:
         For a file that is no map: missing keys, wrong shapes or kinds, values that do not fit together.
     """
     try:
-        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as data:
+        with open_npz(path) as data:
             missing = [k for k in ("bearing_number", "rotor_mass", *FIELDS, "metadata") if k not in data]
             if missing:
                 raise MapError(f"{path} is not a map: it lacks {', '.join(missing)}")
             b, m = data["bearing_number"], data["rotor_mass"]
-            if b.ndim != 1 or m.ndim != 1 or b.dtype.kind != "f" or m.dtype.kind != "f":
-                raise MapError(f"{path} is not a map: its axes must be one-dimensional numbers")
+            check_axes(path, b, m)
+            check_plane(b, m)
             arrays = {}
             for name, dtype in FIELDS.items():
                 array = data[name]
                 if array.shape != (len(b), len(m)) or array.dtype.kind != np.dtype(dtype).kind:
                     raise MapError(f"{path} is not a map: {name} must be {len(b)} x {len(m)} of kind {np.dtype(dtype).kind}")
-                arrays[name] = array.astype(dtype)
-            metadata = json.loads(str(data["metadata"]))
-    except MapError:
+                arrays[name] = array.astype(dtype, copy=False)
+            metadata = data.json("metadata")
+    except InputError:
         raise
     except UNREADABLE as error:
         raise MapError(f"cannot read the map {str(path)!r}: {error}") from None
@@ -194,9 +186,10 @@ def load_map(path: str | Path) -> StabilityMap:
              and arrays["period"].min(initial=0) >= 0 and arrays["period"].max(initial=0) <= MAX_PERIOD)
     if not known or not np.all(np.isfinite(arrays["mle"]) == (arrays["status"] == "ok")):
         raise MapError(f"{path} is not a map: regime, status and exponent do not fit together")
-    share = arrays["contact_share"]
-    if np.any(share < 0.0) or np.any(share > 1.0 + 1e-9):
-        raise MapError(f"{path} is not a map: contact_share must lie between 0 and 1")
+    for name, most in (("contact_share", 1.0 + 1e-9), ("max_eccentricity", 1e6), ("mle_standard_error", 1e6),
+                       ("revolutions", 1e6)):
+        if np.any(arrays[name] < 0.0) or np.any(arrays[name] > most):
+            raise MapError(f"{path} is not a map: {name} must lie between 0 and {most:g}")
     for key in ("design", "mesh", "transient", "revolutions"):
         if not isinstance(metadata, dict) or key not in metadata:
             raise MapError(f"{path} is not a map: its metadata lack {key}")

@@ -24,8 +24,9 @@ from sklearn.isotonic import IsotonicRegression
 from spab_core.classifier import PredictedRegimes, RegimeTrees, predict_regimes
 from spab_core.design import InputError, write_atomically
 from spab_core.features import LinearFeatures, LinearTable, shipped_table
+from spab_core.npz import UNREADABLE, npz_bytes, open_npz
 from spab_core.regimes import REGIMES
-from spab_core.stability_map import UNREADABLE, StabilityMap, npz_bytes
+from spab_core.stability_map import StabilityMap
 from spab_core.surrogates import Model, Surrogate, linear_table_of, solved_cells, train
 from spab_core.theory_models import baseline
 
@@ -221,12 +222,12 @@ def load_intervals(path: str | Path, m: StabilityMap) -> MapIntervals:
         For a file that is none, or does not fit the map.
     """
     try:
-        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as data:
+        with open_npz(path) as data:
             arrays = {name: np.asarray(data[name], dtype) for name, dtype in _ARRAYS.items()}
             seconds = float(data["seconds"])
         if any(array.shape != m.shape for array in arrays.values()):
             raise ValueError("it does not fit the map")
-    except (*UNREADABLE, TypeError) as error:
+    except UNREADABLE as error:
         raise InputError(f"cannot read the intervals in {path} ({str(error)[:100]})") from None
     return MapIntervals(**arrays, seconds=seconds)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,7 @@ import pandas as pd
 
 from spab_core.design import Design, InputError, check_number, write_atomically
 from spab_core.map_engine import cluster_or_processes
+from spab_core.npz import UNREADABLE
 from spab_core.point import solve_point
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, Settings, check_point
 
@@ -31,6 +33,7 @@ VALUES = {  # what a designer can still change, and its name
     "bearing__clearance": "clearance", "bearing__supply_pressure_ratio": "supply pressure",
     "rotor__unbalance_eccentricity": "unbalance", "rotor__shaft_stiffness": "shaft stiffness"}
 AXES = ("speed", "mass")
+_MAX_BYTES = 1_000_000  # of a file of these
 _COLUMNS = {"value": str, "factor": float, "stable": bool, "below": float, "above": float, "distance": float, "change": float}
 
 
@@ -226,12 +229,20 @@ def save_sensitivity(base: Margin, table: pd.DataFrame, path: Path) -> None:
 def load_sensitivity(path: Path) -> tuple[Margin, pd.DataFrame]:
     """What :func:`save_sensitivity` wrote. Raises ``InputError`` for any other file."""
     try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise ValueError(f"it has more than {_MAX_BYTES:,} bytes")
         data = json.loads(path.read_text("utf-8"))
         numbers: dict[str, Any] = {name: float("nan") if value is None else value for name, value in data["base"].items()}
         base = Margin(**numbers)
+        places = [float(number) for number in (base.low, base.at, base.high)]
+        if (base.axis not in AXES or not isinstance(base.stable, bool)
+                or not 0.0 < places[0] <= places[1] <= places[2] < math.inf):
+            raise ValueError("its margin is none")
+        if any(not isinstance(border, float) for border in (base.below, base.above)) or data["rows"].keys() != _COLUMNS.keys():
+            raise ValueError("its values do not fit together")
         table = pd.DataFrame(data["rows"], columns=list(_COLUMNS)).astype(_COLUMNS)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise InputError(f"cannot read the sensitivity {str(path)!r}: {error}") from None
+    except UNREADABLE as error:
+        raise InputError(f"cannot read the sensitivity {str(path)!r}: {str(error)[:200]}") from None
     return base, table
 
 

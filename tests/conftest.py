@@ -10,9 +10,18 @@ import pytest
 from spab_core.design import reference_design
 from spab_core.film import Mesh, build_film, film_index, film_size
 from spab_core.integrate import METHODS, Options, advance, build_memory, build_record
+from spab_core.map_engine import compile_once
 from spab_core.rotor import build_rotor
 
 SMALL = Mesh(3, 24)
+
+
+def pytest_configure(config):
+    """Compile the kernels once, before the worker processes of the session start."""
+    if not hasattr(config, "workerinput") and config.getoption("numprocesses", 0):
+        compile_once()
+
+
 ROOT = Path(__file__).resolve().parent.parent
 
 

@@ -17,12 +17,12 @@ from spab_core.design import Design, InputError, reference_design
 from spab_core.film import DEFAULT_MESH, MESH_LIMITS, SCHEMES, Mesh
 from spab_core.form import FIELDS, GROUPS, from_form, to_form
 from spab_core.integrate import METHODS
+from spab_core.npz import npz_bytes
 from spab_core.point import OperatingPoint
 from spab_core.point_file import load_point, point_arrays
 from spab_core.revolution import Revolution, forces, integrate_revolution, run_up
 from spab_core.simulate import Settings, path_angle
 from spab_core.spectrum import spectrum
-from spab_core.stability_map import npz_bytes
 from spab_core.ui.design_form import take_design
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.shared import LIVE_PATHS, live_point

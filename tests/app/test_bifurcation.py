@@ -1,7 +1,6 @@
 """The page "Bifurcation" without a browser: shipped lines at once, every control at its ends, a live line by a real job."""
 
 import json
-import time
 
 import pytest
 import streamlit as st
@@ -10,23 +9,15 @@ from streamlit.testing.v1 import AppTest
 from spab_core import artifacts
 from spab_core.bifurcation import SWEEPS, load_bifurcation
 from spab_core.figures_lines import COORDINATES, SWEEP_COLOURS
-from spab_core.jobs import cancel, list_jobs
+from spab_core.jobs import list_jobs
 from spab_core.ui import lines
+from tests.app.conftest import until_done
 from tests.conftest import ROOT
 
 PAGE = str(next((ROOT / "pages").glob("*_Bifurcation.py")))
 TINY = {"line": "rotor-mass", "mesh": "2x16", "transient": "20", "revolutions": "20", "points": "3",
         "mass_from": "4", "mass_to": "6"}
-
-
-@pytest.fixture(autouse=True)
-def own_jobs(tmp_path, monkeypatch):
-    monkeypatch.setenv("SPAB_JOBS", str(tmp_path / "jobs"))
-    st.cache_resource.clear()
-    yield
-    for job in list_jobs():
-        if job.active:
-            cancel(job.id)
+pytestmark = pytest.mark.usefixtures("own_jobs")
 
 
 def opened(**address):
@@ -48,13 +39,6 @@ def panels(figure):
 def words(at):
     return " ".join(x.value for kind in ("markdown", "caption", "success", "warning", "error") for x in at.get(kind))
 
-
-def until_done(at, seconds=120):
-    end = time.monotonic() + seconds
-    while any(job.active for job in list_jobs()):
-        assert time.monotonic() < end
-        time.sleep(0.1)
-    return at.run()
 
 
 def test_the_papers_lines_open_at_once():

@@ -1,29 +1,19 @@
 """The pages "My map" and "What if" without a browser: real jobs on small work, wrong values, lists and comparison."""
 
 import json
-import time
 
 import pytest
-import streamlit as st
 from streamlit.testing.v1 import AppTest
 
-from spab_core.jobs import cancel, list_jobs, submit
+from spab_core.jobs import list_jobs, submit
 from spab_core.presets import PRESETS
+from tests.app.conftest import until_done
 from tests.conftest import ROOT
 
 MAP, WHAT_IF = (str(next((ROOT / "pages").glob(f"*_{name}.py"))) for name in ("My_map", "What_if"))
 SMALL = {"own_numbers": "2:4:6", "own_masses": "3:9:6"}
 QUICK = {"mesh": "2x16", "transient": 40, "revolutions": 30}
-
-
-@pytest.fixture(autouse=True)
-def own_jobs(tmp_path, monkeypatch):
-    monkeypatch.setenv("SPAB_JOBS", str(tmp_path / "jobs"))
-    st.cache_resource.clear()
-    yield
-    for job in list_jobs():
-        if job.active:
-            cancel(job.id)
+pytestmark = pytest.mark.usefixtures("own_jobs")
 
 
 def opened(page, **state):
@@ -32,13 +22,6 @@ def opened(page, **state):
         at.session_state[key] = value
     return at.run()
 
-
-def until_done(at, seconds=150):
-    end = time.monotonic() + seconds
-    while any(job.active for job in list_jobs()):
-        assert time.monotonic() < end
-        time.sleep(0.1)
-    return at.run()
 
 
 def figures(at):
@@ -78,7 +61,8 @@ def test_two_maps_are_compared():
 
 @pytest.mark.parametrize(("key", "value", "told"), [
     ("own_numbers", "1:2", "start:stop:count"), ("own_numbers", "0:2:10", "bearing number = 0 is out of range"),
-    ("own_masses", "1:2:100000", "out of range"), ("own_masses", "x", "start:stop:count")])
+    ("own_masses", "1:2:100000", "out of range"), ("own_masses", "x", "start:stop:count"),
+    ("own_dask", "nowhere", "no address")])
 def test_a_wrong_plane_is_a_sentence(key, value, told):
     at = opened(MAP, **SMALL | {key: value})
     assert not at.exception and told in at.error[0].value

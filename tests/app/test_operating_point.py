@@ -7,7 +7,6 @@ import shlex
 
 import numpy as np
 import pytest
-import streamlit as st
 from streamlit.testing.v1 import AppTest
 
 from spab_core import solve_point
@@ -23,12 +22,7 @@ from tests.conftest import ROOT
 
 PAGE = str(next((ROOT / "pages").glob("*_Operating_point.py")))
 COARSE = {"mesh": "2x16", "transient": 20, "revolutions": 20}
-
-
-@pytest.fixture(autouse=True)
-def _fresh(monkeypatch, tmp_path):
-    st.cache_resource.clear()
-    monkeypatch.setenv("SPAB_JOBS", str(tmp_path / "jobs"))
+pytestmark = pytest.mark.usefixtures("own_jobs")
 
 
 def page(**state):

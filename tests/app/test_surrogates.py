@@ -3,7 +3,6 @@
 import dataclasses
 import json
 import shutil
-import time
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,7 @@ from spab_core.release import rebuild
 from spab_core.stability_map import FIELDS, load_map, save_map
 from spab_core.surrogates import DIVISORS, MODELS
 from spab_core.ui import shared
+from tests.app.conftest import until_done
 from tests.conftest import ROOT
 
 PAGE = {name: str(next((ROOT / "pages").glob(f"*_{name}.py"))) for name in ("Surrogate_map", "Model_ranking")}
@@ -120,24 +120,6 @@ def test_predictions_of_another_map_are_not_shown_and_it_says_so(shipped):
     at.selectbox(key="model").select("tree").run()
     assert not at.exception and "another map" in at.warning[0].value and "spab train --all" in at.warning[0].value
     assert any("Trained in" in c.value for c in at.caption)
-
-
-@pytest.fixture
-def own_jobs(tmp_path, monkeypatch):
-    monkeypatch.setenv("SPAB_JOBS", str(tmp_path / "jobs"))
-    st.cache_resource.clear()
-    yield
-    for job in list_jobs():
-        if job.active:
-            cancel(job.id)
-
-
-def until_done(at, seconds=120):
-    end = time.monotonic() + seconds
-    while any(job.active for job in list_jobs()):
-        assert time.monotonic() < end
-        time.sleep(0.1)
-    return at.run()
 
 
 def click(at, *indices):
@@ -259,9 +241,8 @@ def test_missing_scores_are_said_in_words(small, monkeypatch, tmp_path):
     assert not at.exception and SCORES in at.error[0].value
 
 
-def test_own_data_are_ranked_by_a_job(tmp_path, monkeypatch, small):
-    """A CSV of 100 points, all models: the suggestion names one, a wrong file is a sentence."""
-    monkeypatch.setenv("SPAB_JOBS", str(tmp_path / "jobs"))
+def test_own_data_are_ranked_by_a_job(own_jobs, small):
+    """A CSV of 100 points, all models: a wrong file is a sentence, the job can be cancelled."""
     number, mass = (a.ravel() for a in np.meshgrid(np.linspace(0.5, 8.0, 10), np.linspace(1.0, 20.0, 10)))
     table = pd.DataFrame({"Λ": number, "m_r": mass, "MLE": np.sin(number) * mass})
     at = open_page("Model_ranking")
