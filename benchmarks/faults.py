@@ -33,14 +33,14 @@ from session import User  # noqa: E402
 from spab_core import jobs  # noqa: E402
 
 ROOT = Path(__file__).resolve().parent.parent
-OPTIONS = ["--mesh", "2x16", "--transient", "60", "--revolutions", "60"]
-PLANE = ["--bearing-number", "2:4.5:10", "--rotor-mass", "3:18:20"]
-LINE = {"vary": "rotor-mass", "at": 3.0, "range": "4:12:40",
-        "settings": {"mesh": "2x16", "transient": 150, "revolutions": 60, "early_stop": False}}
+OPTIONS = ["--mesh", "2x16", "--transient", "20", "--revolutions", "20"]
+PLANE = ["--bearing-number", "2:4.5:10", "--rotor-mass", "3:18:15"]
+LINE = {"vary": "rotor-mass", "at": 3.0, "range": "4:12:30",
+        "settings": {"mesh": "2x16", "transient": 20, "revolutions": 40, "early_stop": False}}
 COMMANDS = {
     "map": ["map", *PLANE, *OPTIONS, "--workers", "2", "--out", "out.npz"],
-    "refine": ["refine", *PLANE, *OPTIONS, "--budget", "120", "--seed", "1", "--out", "out.npz"],
-    "train": ["train", "--model", "theory-trees", "--divisor", "4", "--out", "out.joblib"],
+    "refine": ["refine", *PLANE, *OPTIONS, "--budget", "60", "--seed", "1", "--out", "out.npz"],
+    "train": ["train", "--model", "neighbours", "--divisor", "8", "--out", "out.joblib"],
 }
 MADE = ("date", "wall_seconds", "worker_seconds", "workers", "seconds")  # how a file was made, not what it says
 WAIT = 120.0

@@ -41,6 +41,9 @@ def main() -> None:
         there = elsewhere(NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="", NUMBA_CACHE_DIR=folder)
     print("rotor mass, bearing number: regime and MLE here; there; difference, in standard errors of a difference")
     for (mass, number), a, b in zip(POINTS, here, there, strict=True):
+        if a["regime"] is None or b["regime"] is None:
+            print(f"{mass:5.2f} {number:5.2f}: {a['status']}; {b['status']}")
+            continue
         apart = b["mle_per_revolution"] - a["mle_per_revolution"]
         error = (a["mle_standard_error"]**2 + b["mle_standard_error"]**2) ** 0.5
         print(f"{mass:5.2f} {number:5.2f}: {a['regime']}-{a['period']} {a['mle_per_revolution']:+.6f}; "
