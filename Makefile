@@ -1,8 +1,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
-OLDEST := tests/unit/test_design.py tests/unit/test_form.py tests/unit/test_export.py tests/unit/test_artifacts.py \
-  tests/unit/test_evaluation.py tests/unit/test_kernels.py tests/unit/test_threads.py tests/app/test_about.py \
-  tests/app/test_view.py tests/app/test_operating_point.py
+OLDEST := tests/unit/test_design.py tests/unit/test_form.py tests/unit/test_export.py tests/unit/test_threads.py \
+  tests/app/test_about.py
 
 .PHONY: run test test-oldest licences lint lock map train verify bifurcations audit linear-table refined manifest pictures results clean
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent import futures
@@ -115,7 +116,6 @@ def _solve_piece(design: Design, points: Sequence[tuple[float, float]], settings
 
     ``start`` is the state to begin from; the one to go on from is returned under that name, empty where there is none.
     """
-    end_with_parent()
     rows = []
     for mass, number in points:
         point = solve_point(design, mass, number, settings, start=start)
@@ -142,7 +142,7 @@ def _executor(workers: int) -> Iterator[futures.Executor]:
         yield _Here()
         return
     compile_once()
-    processes = ProcessPoolExecutor(max_workers=workers)
+    processes = ProcessPoolExecutor(max_workers=workers, initializer=end_with_parent, initargs=(os.getpid(),))
     done = False
     try:
         yield processes

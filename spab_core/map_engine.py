@@ -6,10 +6,8 @@ Every cell is a cold start of its own, so the result does not depend on the numb
 from __future__ import annotations
 
 import contextlib
-import functools
 import hashlib
 import json
-import multiprocessing
 import os
 import shutil
 import threading
@@ -45,7 +43,6 @@ def cell_values(point: OperatingPoint) -> dict:
 def solve_chunk(number: int, design: Design, cells: list[tuple[float, float]],
                  settings: Settings) -> tuple[int, dict[str, np.ndarray]]:
     """Solve (bearing number, rotor mass) cells one after the other; runs in a worker."""
-    end_with_parent()
     began = time.perf_counter()
     points = [solve_point(design, rotor_mass, bearing_number, settings) for bearing_number, rotor_mass in cells]
     rows = [cell_values(point) for point in points]
@@ -114,13 +111,8 @@ def locked(folder: Path | None) -> Iterator[None]:
         lock.release()
 
 
-@functools.cache
-def end_with_parent() -> None:
-    """In one of joblib's processes: end with the process that started it, which cannot say so where it was killed."""
-    if not multiprocessing.current_process().name.startswith("LokyProcess"):
-        return
-    parent = os.getppid()
-
+def end_with_parent(parent: int) -> None:
+    """First thing in a worker process: see to it that it ends with the one that started it, which may be killed."""
     def watch() -> None:
         while os.getppid() == parent:
             time.sleep(1.0)
@@ -142,7 +134,7 @@ def cluster_or_processes(workers: int, cluster: str | None = None) -> Iterator[j
     if cluster is None:
         if workers > 1:
             compile_once()
-        yield joblib.Parallel(n_jobs=workers, **options)
+        yield joblib.Parallel(n_jobs=workers, initializer=end_with_parent, initargs=(os.getpid(),), **options)
         return
     try:
         from distributed import Client

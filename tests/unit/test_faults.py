@@ -236,8 +236,7 @@ def test_a_worker_process_ends_with_the_one_that_started_it():
     program = ("import os, time\n"
                "from joblib.externals.loky import ProcessPoolExecutor\n"
                "from spab_core.map_engine import end_with_parent\n"
-               "e = ProcessPoolExecutor(max_workers=1)\n"
-               "e.submit(end_with_parent).result()\n"
+               "e = ProcessPoolExecutor(max_workers=1, initializer=end_with_parent, initargs=(os.getpid(),))\n"
                "print(e.submit(os.getpid).result(), flush=True)\n"
                "time.sleep(100)\n")
     parent = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True,
