@@ -488,7 +488,7 @@ def run(cases, seed, only=()):
                 problem = "refused without a word"
         except TooSlow:
             problem = f"more than {LIMIT:g} s"
-        except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
             if name not in ("job request", "address", "page by address"):  # of this script's own packing
                 problem = f"{type(error).__name__}: {error}"
         except Exception as error:
