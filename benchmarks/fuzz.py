@@ -383,7 +383,7 @@ def targets(folder):
         from streamlit.testing.v1 import AppTest
         at = AppTest.from_function(_page, default_timeout=LIMIT)
         for key, text in json.loads(data).items():
-            at.query_params[key] = str(text)
+            at.query_params[_sendable(key)] = _sendable(str(text))
         at.run()
         assert not at.exception, at.exception[0].value
 
@@ -439,6 +439,11 @@ def targets(folder):
     }
 
 
+def _sendable(text):
+    """As a browser's address has it: no halves of characters."""
+    return text.encode("utf-8", "replace").decode()
+
+
 def _page():
     import streamlit as st
 
@@ -488,7 +493,7 @@ def run(cases, seed, only=()):
                 problem = "refused without a word"
         except TooSlow:
             problem = f"more than {LIMIT:g} s"
-        except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
             if name not in ("job request", "address", "page by address"):  # of this script's own packing
                 problem = f"{type(error).__name__}: {error}"
         except Exception as error:

@@ -6,9 +6,8 @@ Every design value, the rotor mass and the bearing number are drawn over their w
 
 - a finite exponent with its error, or a status other than ``ok``; no exception, under 20 s;
 - gas is conserved: over a revolution after the run, its content changes by what crosses the edges and the wall;
-- half the step (a tolerance of a sixteenth: the method is of order 4) gives the same status, regime and exponent: within 0.01 +
-  2 % where both settle on a periodic orbit, within three of their standard errors + 0.02 elsewhere;
-- a failed run fails with half the step too.
+- half the step (a tolerance of a sixteenth: the method is of order 4) fails too where the run fails, and else gives the same
+  exponent, within three of their standard errors and 0.02, or 0.01 + 2 % where both settle on a periodic orbit of one regime.
 
 Runs of 40 + 40 revolutions on 4 x 24; cases that break one are printed with their number, which gives them again.
 """
@@ -33,7 +32,7 @@ SETTINGS = Settings("4x24", transient=40, revolutions=40)
 HALF = dataclasses.replace(SETTINGS, tolerance=DEFAULT_TOLERANCE / 16.0)
 PIECES = 192  # of the revolution over which gas is counted
 SECONDS = 20.0
-CONSERVED = 1e-6  # of the gas in the film and of what crosses
+CONSERVED = 1e-5  # of the gas in the film and of what crosses
 
 
 class TooSlow(Exception):
@@ -128,12 +127,12 @@ def check(seed):
 def compare(point, half):
     """How a point and the same with half the step differ by more than their errors, in sentences."""
     names = [p.trajectory.status if p.regime is None else p.regime.text for p in (point, half)]
-    if point.mle is None or half.mle is None:
-        return [] if names[0] == names[1] else [f"{names[0]}, with half the step {names[1]}"]
+    if point.mle is None or half.mle is None:  # both fail, by whatever limit, or one alone
+        return [] if point.mle is half.mle else [f"{names[0]}, with half the step {names[1]}"]
     apart = abs(point.mle.value - half.mle.value)
     settled = point.trajectory.settled and half.trajectory.settled
-    allowed = (0.01 + 0.02 * abs(half.mle.value) if settled else
-               0.02 + 3.0 * math.hypot(point.mle.standard_error, half.mle.standard_error))
+    allowed = ((0.01 + 0.02 * abs(half.mle.value) if settled else 0.02)
+               + 3.0 * math.hypot(point.mle.standard_error, half.mle.standard_error))
     told = [f"{p.mle.value:+.4f} ± {p.mle.standard_error:.4f}" for p in (point, half)]
     found = [f"{names[0]}, with half the step {names[1]} ({told[0]}, {told[1]})"] if settled and names[0] != names[1] else []
     return found or ([f"{names[0]}: MLE {told[0]}, with half the step {told[1]}"] if apart > allowed else [])

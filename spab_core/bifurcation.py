@@ -309,15 +309,13 @@ def load_bifurcation(path: str | Path) -> Bifurcation:
     try:
         with open_npz(path) as data:
             about = data.json("metadata")
-            values = np.asarray(data["values"], float)
+            values = data.fitting("values", float)
             check_axes(path, values)
             n = len(values)
             branches = {}
             for sweep in about["sweeps"]:
-                columns = {name: data[f"{sweep}.{name}"].astype(dtype) for name, dtype in _COLUMNS.items()}
-                section = data[f"{sweep}.section"].astype(np.float32)
-                if section.shape != (n, SECTION_POINTS, 4) or any(c.shape != (n,) for c in columns.values()):
-                    raise InputError(f"{path} is no bifurcation diagram: its arrays do not fit together")
+                columns = {name: data.fitting(f"{sweep}.{name}", dtype, (n,)) for name, dtype in _COLUMNS.items()}
+                section = data.fitting(f"{sweep}.section", np.float32, (n, SECTION_POINTS, 4))
                 branches[str(sweep)] = Branch(section, **columns)
             if about["vary"] not in VARY or not set(branches) <= set(SWEEPS):
                 raise InputError(f"{path} is no bifurcation diagram: its metadata are not those of one")

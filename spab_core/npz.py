@@ -73,6 +73,19 @@ class Npz:
         with self._archive.open(member) as file:
             return np.lib.format.read_array(file, allow_pickle=False)
 
+    def fitting(self, name: str, dtype: Any, shape: tuple[int, ...] | None = None) -> np.ndarray:
+        """An array of the kind of ``dtype``, as that, and of a shape: numbers are not spelt out, nor texts read as numbers.
+
+        Raises
+        ------
+        Exception
+            ``ValueError`` where kind or shape are others; else as for an array.
+        """
+        found = self[name]
+        if found.dtype.kind != np.dtype(dtype).kind or (shape is not None and found.shape != shape):
+            raise ValueError(f"{name[:60]!r} of shape {str(found.shape)[:60]} does not fit the rest of the file")
+        return found.astype(dtype, copy=False)
+
     def json(self, name: str) -> Any:
         """What a text says in JSON; raises as for an array, and for a text of more than :data:`MAX_TEXT_BYTES`."""
         if name not in self:

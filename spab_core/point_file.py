@@ -52,8 +52,8 @@ def load_point(path: str | Path) -> OperatingPoint:
     try:
         with open_npz(path) as data:
             about = data.json("metadata")
-            arrays = {name: np.asarray(data[name], float) for name in _ARRAYS}
-            trace = np.asarray(data["trace"], float)
+            arrays = {name: data.fitting(name, float) for name in _ARRAYS}
+            trace = data.fitting("trace", float)
         fits = all(arrays[name].ndim == n for name, n in _ARRAYS.items()) and trace.ndim == 1
         if not fits or any(arrays[name].shape[-1] != 8 for name in _ROTOR_STATES) or about["status"] not in STATUS:
             raise InputError(f"{path} is no operating point: its arrays do not fit together")

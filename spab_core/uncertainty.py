@@ -223,10 +223,8 @@ def load_intervals(path: str | Path, m: StabilityMap) -> MapIntervals:
     """
     try:
         with open_npz(path) as data:
-            arrays = {name: np.asarray(data[name], dtype) for name, dtype in _ARRAYS.items()}
-            seconds = float(data["seconds"])
-        if any(array.shape != m.shape for array in arrays.values()):
-            raise ValueError("it does not fit the map")
+            arrays = {name: data.fitting(name, dtype, m.shape) for name, dtype in _ARRAYS.items()}
+            seconds = float(data.fitting("seconds", float, ()))
     except UNREADABLE as error:
         raise InputError(f"cannot read the intervals in {path} ({str(error)[:100]})") from None
     return MapIntervals(**arrays, seconds=seconds)
