@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from joblib.externals.loky import cpu_count
 
 from spab_core import jobs
 from spab_core.artifacts import load_reference_map
@@ -62,6 +63,7 @@ LEAST = {
 
 
 def watch():
+    cpu_count(only_physical_cores=True)  # asks lscpu once, then it is known
     spec = importlib.util.spec_from_file_location("fuzz", ROOT / "benchmarks" / "fuzz.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
