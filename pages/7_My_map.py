@@ -33,11 +33,9 @@ with errors_in_words():
 
 
 def _clicked() -> None:
-    points = state["own_figure"]["selection"]["points"]
-    found = own_map.published(own_map.map_job(parameters))
-    if points and found and "point_index" in points[0]:
-        i, j = divmod(int(points[0]["point_index"]), len(found[1].rotor_mass))
-        set_point(float(found[1].rotor_mass[j]), float(found[1].bearing_number[i]))
+    points = state["own_figure"]["selection"]["points"]  # of the cells, or of the dots on solved ones: the axes are the same
+    if points:
+        set_point(float(points[0]["y"]), float(points[0]["x"]))
 
 
 left, right = st.columns([1.35, 1], gap="medium")

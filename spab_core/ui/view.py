@@ -95,7 +95,6 @@ VIEW: dict[str, Field] = {
     "same": Field(SAME[0], _one_of("same", SAME)),
 }
 _DESIGN = "_design"  # values of the design that differ from the reference, {"bearing.clearance": 3e-5}
-_COMPLAINTS = "_complaints"
 
 
 def open_view() -> list[str]:
