@@ -2,22 +2,24 @@
 
 import math
 
+import plotly.graph_objects as go
 import streamlit as st
 
 from spab_core.design import reference_design
 from spab_core.export import map_netcdf, map_table
 from spab_core.figures_map import LAYERS, SURROGATE
 from spab_core.figures_point import orbit_figure
+from spab_core.integrate import is_compiled
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.stability_map import map_bytes
 from spab_core.surrogates import MODELS
+from spab_core.ui.clicks import clickable, mark_place
 from spab_core.ui.downloads import downloads
 from spab_core.ui.shared import (
     LIVE,
     errors_in_words,
     linear_words,
     live_point,
-    map_figure_to_take,
     map_margin,
     marked_map_figure,
     page_head,
@@ -34,60 +36,49 @@ with errors_in_words():
 state, design = st.session_state, chosen_design()
 
 
-def _unmark():
-    """The point or the layer is another one: this run draws the mark anew."""
-    state.pop("mark", None)
+def _clicked(number, mass):
+    set_point(mass, number)
 
 
 def _typed_speed():
     if state["rpm"] is not None:  # an emptied field keeps the speed
         number = design.bearing_number(state["rpm"] * math.pi / 30.0)
         set_point(state["rotor_mass"], min(max(number, BEARING_NUMBER_RANGE[0]), BEARING_NUMBER_RANGE[1]))
-        _unmark()
 
 
-def _clicked():
-    """Take the cell that was clicked: the overlay's points are the cells in the order of the map.
-
-    The browser marks it by itself: the figure stays as it is, is not sent again and keeps its zoom.
-    """
-    points = state["map"]["selection"]["points"]
-    if points:
-        row, column = divmod(int(points[0]["point_index"]), len(m.rotor_mass))
-        set_point(float(m.rotor_mass[column]), float(m.bearing_number[row]))
-
-
-if "mark" not in state or "map" not in state:  # where the page is opened again, the point may have been chosen elsewhere
-    number, mass = state["bearing_number"], state["rotor_mass"]
-    inside = m.bearing_number[0] <= number <= m.bearing_number[-1] and m.rotor_mass[0] <= mass <= m.rotor_mass[-1]
-    row, column = m.nearest(mass, number)
-    state["mark"] = row * len(m.rotor_mass) + column if inside else None
 slowest, fastest = (design.speed_rpm(b) for b in BEARING_NUMBER_RANGE)
 state["rpm"] = min(max(design.speed_rpm(state["bearing_number"]), slowest), fastest)
+
 
 left, right = st.columns([1.15, 1], gap="medium")
 
 with left:
     st.markdown("#### Stability map of the reference bearing")
-    # another layer is another figure: it must show the cell clicked last, which the browser alone knew
-    layer = st.segmented_control("Layer", LAYERS, key="layer", on_change=_unmark, label_visibility="collapsed") or LAYERS[0]
+    layer = st.segmented_control("Layer", LAYERS, key="layer", label_visibility="collapsed") or LAYERS[0]
     model, divisor, draw = state["model"], state["divisor"], int(state["draw"])
     with errors_in_words():
-        figure = marked_map_figure(layer, state["mark"], model, divisor, draw)
-    st.plotly_chart(figure, key="map", on_select=_clicked, selection_mode="points", width="stretch",
-                    config={"displaylogo": False, "scrollZoom": True})
+        shown = (layer, model, divisor, draw)
+        figure = marked_map_figure(mark_place("map", shown, (state["bearing_number"], state["rotor_mass"])), *shown)
+    map_place = st.container()
     told = f"Predicted by {MODELS[model].label} from n/{divisor} of the cells. " if layer == SURROGATE else ""
     st.caption(f"{told}Click a cell, or type the point. {m.shape[0]} × {m.shape[1]} cold starts on {m.metadata['mesh']} film "
                "nodes; the linear threshold is that of the static equilibrium without unbalance.")
     st.caption(f"Where map and linear theory disagree. {linear_words()}")
 
-with right:
+
+def _show_map():
+    with map_place:
+        clickable(figure, "map", _clicked, config={"displaylogo": False, "scrollZoom": True})
+
+
+def _point():
+    """Words and numbers of the operating point; returns the figure of its orbits and where it goes."""
     st.markdown(f"#### Operating point, {design_words()}")
     a, b, c = st.columns(3)
-    a.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, None, key="rotor_mass", step=0.1, format="%.3f", on_change=_unmark,
+    a.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, None, key="rotor_mass", step=0.1, format="%.3f",
                    help="Whole rotor mass that one bearing carries")
     b.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, None, key="bearing_number", step=0.05, format="%.3f",
-                   on_change=_unmark, help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
+                   help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
     c.number_input("Shaft speed, rpm", slowest, fastest, None, key="rpm", step=100.0, format="%.0f", on_change=_typed_speed,
                    help="The same as Λ, of the chosen design")
     mass, number = state["rotor_mass"], state["bearing_number"]
@@ -125,10 +116,26 @@ with right:
             "spab export map.npz --out map.nc")
         if layer == SURROGATE:
             command += f"\nspab predict --model {model} --divisor {divisor} --seed {draw} --out predicted.npz"
-        take = (layer, number, mass, model, divisor, draw)
-        downloads("stability_map", {"Map": lambda: map_figure_to_take(*take), "Orbit": orbit}, {"Map": lambda: map_table(m)},
+
+        def take():
+            return go.Figure(marked_map_figure((number, mass), *shown).to_dict())
+
+        downloads("stability_map", {"Map": take, "Orbit": orbit}, {"Map": lambda: map_table(m)},
                   {"npz": lambda: map_bytes(m), "nc": lambda: map_netcdf(m)}, command)
-    st.plotly_chart(orbit, key="orbit", width="stretch")
-    t = point.trajectory
+    place, t = st.container(), point.trajectory
     st.caption(f"Solved live: {t.completed} revolutions from rest{', settled on a periodic orbit' if t.settled else ''}, "
                f"{t.wall_seconds:.2f} s on {point.settings.mesh} film nodes, at Λ {number:.4g} and {mass:.4g} kg.")
+    return place, orbit
+
+
+# words first, where they need not wait for a compiler: while Plotly draws the browser shows nothing new for a second or two
+words_first = is_compiled()
+if not words_first:
+    _show_map()
+try:
+    with right:
+        orbit_place, orbits = _point()
+finally:  # also where the point cannot be solved
+    if words_first:
+        _show_map()
+orbit_place.plotly_chart(orbits, key="orbit", width="stretch")

@@ -20,7 +20,7 @@ GOALS = {"first view ever: verdict": 2.0, "first view ever: map drawn": 2.0, "fi
 SWITCH = 1.0
 CLICKS = [(7.0, 6.0), (10.0, 5.0), (18.0, 4.5), (2.0, 5.0), (22.0, 4.0)]  # kg, bearing number
 DRAWN = """layer => { const plot = document.querySelector('.js-plotly-plot');
-    return plot && plot.calcdata && plot._fullData.some(t => t.name === 'cells')
+    return plot && plot.calcdata && plot._fullData.some(t => t.type === 'heatmap')
         && plot._fullData.some(t => t.name === 'chaotic') === (layer === 'Regime'); }"""
 AT_REST = """old => { const title = document.querySelector('[data-testid=stMain] h4');
     return title && title.innerText !== old && document.querySelector('[data-test-script-state=notRunning]'); }"""

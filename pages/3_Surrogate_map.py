@@ -10,6 +10,7 @@ from spab_core.export import prediction_table
 from spab_core.figures_surrogates import reliability_figure, surrogate_figure, uncertainty_figure
 from spab_core.pretrained import prediction_npz
 from spab_core.surrogates import DIVISORS, MODELS
+from spab_core.ui.clicks import clickable, mark_place
 from spab_core.ui.downloads import downloads
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.shared import (
@@ -36,44 +37,33 @@ def _chosen_cell() -> tuple[int, int]:
     return m.nearest(state["rotor_mass"], state["bearing_number"])
 
 
-def _mark():
-    """Have the figure show the chosen cell."""
-    row, column = _chosen_cell()
-    state["marked"] = row * len(m.rotor_mass) + column
-
-
 def _compare():
     state["beside"] = True
 
 
-def _clicked():
-    """Compare the cell clicked; the browser marks it by itself: the figure stays as it is and keeps its zoom."""
-    points = state["maps"]["selection"]["points"]
-    if points:
-        row, column = divmod(int(points[0]["point_index"]), len(m.rotor_mass))
-        set_point(m.rotor_mass[column], m.bearing_number[row])
-        _compare()
+def _clicked(number, mass):
+    set_point(mass, number)
+    _compare()
 
-
-if "maps" not in state or "marked" not in state:  # the page is opened, or again: the point may have been chosen elsewhere
-    _mark()
 
 st.markdown("#### Surrogate map of the reference bearing")
 a, b, c, d = st.columns([2, 2.2, 0.8, 0.9], vertical_alignment="bottom")
 names = list(MODELS)
-name = a.selectbox("Model", names, key="model", on_change=_mark,
+name = a.selectbox("Model", names, key="model",
                    format_func=lambda k: f"{MODELS[k].label} ({MODELS[k].group})",
                    help="Paper: the four of Kuo, Lee and Wang. Interpolation: what a designer would do without them.")
-divisor = b.segmented_control("Cells trained on, of n solved ones", DIVISORS, key="divisor", on_change=_mark,
+divisor = b.segmented_control("Cells trained on, of n solved ones", DIVISORS, key="divisor",
                               format_func=lambda k: f"n/{k}") or 8
-seed = c.number_input("Draw", 0, 999, key="draw", on_change=_mark,
+seed = c.number_input("Draw", 0, 999, key="draw",
                       help="Which cells are drawn to train on: another number, other cells")
 
 with errors_in_words():
     predicted = predicted_map(name, divisor, int(seed))
 
 found = errors(m, predicted)
-figure = surrogate_figure(m, predicted, state["marked"])
+row, column = _chosen_cell()
+place = mark_place("maps", (name, divisor, seed), (float(m.bearing_number[row]), float(m.rotor_mass[column])))
+figure = surrogate_figure(m, predicted, place)
 lives = error_by_regime(m, predicted)
 with d:
     downloads("surrogate", {"Maps": figure}, {
@@ -95,8 +85,7 @@ if predicted.surrogate.converged is False:
     st.warning("The training of this network stopped at its limit of 500 epochs, before its own criterion was met.")
 
 with st.container(key="wide_maps"):
-    st.plotly_chart(figure, key="maps", width="stretch", on_select=_clicked, selection_mode="points",
-                    config={"displaylogo": False, "scrollZoom": True})
+    clickable(figure, "maps", _clicked, "x3", config={"displaylogo": False, "scrollZoom": True})
 
 sure, cell, beside = None, _chosen_cell(), state.get("beside", False)
 number, mass = (float(f"{axis[k]:.6g}") for axis, k in zip((m.bearing_number, m.rotor_mass), cell, strict=True))

@@ -6,6 +6,7 @@ from spab_core.export import map_table
 from spab_core.quick_map import SECONDS, check_cluster, check_quick_map, usual_plane
 from spab_core.report import report_html, report_pdf
 from spab_core.ui import own_map
+from spab_core.ui.clicks import clickable, mark_place
 from spab_core.ui.downloads import downloads
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.own_report import report_page
@@ -32,10 +33,9 @@ with errors_in_words():
                   "dask": check_cluster(cluster)}
 
 
-def _clicked() -> None:
-    points = state["own_figure"]["selection"]["points"]  # of the cells, or of the dots on solved ones: the axes are the same
-    if points:
-        set_point(float(points[0]["y"]), float(points[0]["x"]))
+def _clicked(number, mass):
+    set_point(mass, number)
+    state["own_clicked"] = True
 
 
 left, right = st.columns([1.35, 1], gap="medium")
@@ -44,14 +44,16 @@ with right, errors_in_words():
 
 
 def _plane() -> None:
+    if state.pop("own_clicked", False):
+        st.rerun()  # of the page: its margin is another one
     with errors_in_words():
         found = own_map.published(own_map.map_job(parameters))
     if found is None:
         st.info("A coarse plane comes first, within some 20 seconds; then cells are solved where regimes are in doubt. Solved "
                 "cells are dots, the colours between them are predicted. It can be stopped at any time: what is there is kept.")
         return
-    st.plotly_chart(own_map.own_figure(found, layer, state["rotor_mass"], state["bearing_number"]), key="own_figure",
-                    width="stretch", on_select=_clicked, selection_mode="points", config={"displaylogo": False})
+    place = mark_place("own_figure", (layer, job.id, found[0].solved.sum()), (state["bearing_number"], state["rotor_mass"]))
+    clickable(own_map.own_figure(found, layer, *place), "own_figure", _clicked, config={"displaylogo": False})
 
 
 with errors_in_words():
@@ -80,7 +82,7 @@ if found:
         if actions.button("Solve this point", key="own_point", icon=":material/adjust:"):
             st.switch_page("pages/1_Operating_point.py")
         with actions:
-            downloads("my_map", {"Map": own_map.own_figure(found, layer, state["rotor_mass"], state["bearing_number"])},
+            downloads("my_map", {"Map": own_map.own_figure(found, layer, state["bearing_number"], state["rotor_mass"])},
                       {"Cells": lambda: map_table(m)}, {"npz": job.result.read_bytes},
                       own_map.map_command(design_option(), number, mass, minutes))
             with st.popover("Report", icon=":material/description:"), errors_in_words():
@@ -98,7 +100,7 @@ if found and saved:
         for box, which, title in ((one, job, "this map"), (two, other, own_map.job_words(other))):
             with box, errors_in_words():
                 st.caption(title)
-                st.plotly_chart(own_map.own_figure(own_map.published(which), layer, state["rotor_mass"],
-                                                   state["bearing_number"]), key=f"compared_{which.id}", width="stretch")
+                st.plotly_chart(own_map.own_figure(own_map.published(which), layer, state["bearing_number"],
+                                                   state["rotor_mass"]), key=f"compared_{which.id}", width="stretch")
 with st.expander("Jobs kept on this machine"), errors_in_words():
     own_map.jobs_table()

@@ -17,6 +17,7 @@ from spab_core.figures import (
     NEUTRAL,
     SECTION,
 )
+from spab_core.figures_map import mark_trace
 from spab_core.learning_curve import COMMITTEE, summary
 from spab_core.refine import Refinement
 from spab_core.stability_map import StabilityMap
@@ -24,21 +25,20 @@ from spab_core.surrogates import MODELS, PredictedMap
 from spab_core.uncertainty import MapIntervals
 
 
-def surrogate_figure(m: StabilityMap, predicted: PredictedMap, marked: int | None = None) -> go.Figure:
+def surrogate_figure(m: StabilityMap, predicted: PredictedMap, marked: tuple[float, float] | None = None) -> go.Figure:
     """Solved map, predicted map and the absolute error of the prediction, side by side on the same axes.
 
     Parameters
     ----------
     m : StabilityMap
     predicted : PredictedMap
-    marked : int
-        Cell shown as the selected one, by its place in ``mle.ravel()``.
+    marked : tuple
+        Bearing number and rotor mass of the point marked on the error.
 
     Returns
     -------
     Figure
         Three heatmaps; the first two share the diverging scale of :func:`map_figure`. Training cells have no error to show.
-        The trace named "cells" lies over the error and answers clicks: one point a cell, in the order of ``mle.ravel()``.
     """
     error = np.where(predicted.trained, np.nan, np.abs(predicted.mle - m.mle))
     top = max(float(np.nanquantile(error, 0.98)), 1e-3) if np.isfinite(error).any() else 1.0
@@ -55,17 +55,12 @@ def surrogate_figure(m: StabilityMap, predicted: PredictedMap, marked: int | Non
         figure.update_xaxes(title=BEARING_NUMBER_LABEL, showgrid=False, row=1, col=k)
     figure.update_yaxes(showgrid=False)
     figure.update_yaxes(title=MASS_LABEL, row=1, col=1)
-    number, mass = np.meshgrid(m.bearing_number.astype(np.float32), m.rotor_mass.astype(np.float32), indexing="ij")
-    figure.add_scattergl(
-        x=number.ravel(), y=mass.ravel(), mode="markers", name="cells", showlegend=False,
-        customdata=error.ravel().astype(np.float32),
-        hovertemplate="Λ %{x:.3f}, %{y:.2f} kg: error %{customdata:.3f}<extra></extra>",
-        marker={"size": 9, "opacity": 0}, selectedpoints=None if marked is None else [marked],
-        selected={"marker": {"opacity": 1, "size": 12, "color": SECTION}}, unselected={"marker": {"opacity": 0}}, row=1, col=3)
-    figure.update_xaxes(range=_ends(m.bearing_number))  # or the points' size would widen them
+    if marked is not None:
+        figure.add_trace(mark_trace(*marked, xaxis="x3", yaxis="y3"))
+    figure.update_xaxes(range=_ends(m.bearing_number))  # or a mark at the edge would widen them
     figure.update_yaxes(range=_ends(m.rotor_mass))
     return figure.update_layout(height=400, margin={"l": 60, "r": 10, "t": 40, "b": 50}, dragmode="zoom", uirevision="maps",
-                                clickmode="event+select")
+                                datarevision=1)
 
 
 def _ends(values: np.ndarray) -> list[float]:

@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from spab_core.design import InputError
-from spab_core.figures_map import map_figure, mark_point
+from spab_core.figures_map import hover, map_figure, mark_trace
 from spab_core.job_kinds import KINDS
 from spab_core.jobs import Job, delete, find, job_id, list_jobs
 from spab_core.margin import Margin, margin
@@ -45,20 +45,18 @@ def finished_maps() -> list[Job]:
     return [job for job in list_jobs() if job.kind == "map" and job.parameters and job.result.is_file()]
 
 
-def own_figure(found: tuple[Refinement, StabilityMap], layer: str, rotor_mass: float, bearing_number: float) -> go.Figure:
+def own_figure(found: tuple[Refinement, StabilityMap], layer: str, bearing_number: float, rotor_mass: float) -> go.Figure:
     """A published map with its solved cells as dots and the chosen point."""
     refined, m = found
+    figure = map_figure(m, "MLE" if layer == LAYERS[2] else layer)
     if layer == LAYERS[2]:
-        figure = map_figure(m, "MLE")
         figure.update_traces(z=refined.unstable.T.astype(np.float32), zmin=0.0, zmax=1.0, colorscale="Cividis",
                              colorbar={"title": {"text": "probability of instability", "side": "right"}},
-                             selector={"type": "heatmap"})
-    else:
-        figure = map_figure(m, layer)
+                             **hover(m, "<br>probability of instability %{z:.2f}"), selector={"type": "heatmap"})
     row, column = np.nonzero(refined.solved)
     figure.add_scattergl(x=m.bearing_number[row].astype(np.float32), y=m.rotor_mass[column].astype(np.float32), mode="markers",
                          name=f"solved ({len(row):,})", hoverinfo="skip", marker={"color": "#000000", "size": 2})
-    return mark_point(figure, bearing_number, rotor_mass)
+    return figure.add_trace(mark_trace(bearing_number, rotor_mass))
 
 
 def map_command(design_option: str, numbers: str, masses: str, minutes: float) -> str:

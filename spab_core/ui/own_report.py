@@ -37,15 +37,9 @@ def report_page(design: Design, found: tuple[Refinement, StabilityMap], at: Marg
             Section("Map", [f"{int(refined.solved.sum()):,} of {refined.batch.size:,} cells solved (dots), the others "
                             f"predicted by trees on linear theory; {refined.metadata['mesh']} film nodes, "
                             f"{refined.metadata['transient']} + {refined.metadata['revolutions']} revolutions a cell."], {},
-                    {f"{layer} over the plane": _flat(own_figure(found, layer, rotor_mass, bearing_number))
+                    {f"{layer} over the plane": own_figure(found, layer, bearing_number, rotor_mass)
                      for layer in LAYERS})]
         commands = [f"spab simulate --design my.toml --rotor-mass {rotor_mass:g} --bearing-number {bearing_number:.6g}",
                     map_command(" --design my.toml", numbers, masses, minutes)]
         return "Rotor on spherical porous gas bearings", sections, commands
     return make
-
-
-def _flat(figure: go.Figure) -> go.Figure:
-    """Without the points that answer clicks: megabytes that a report has no use for."""
-    figure.data = [trace for trace in figure.data if trace.name != "cells"]
-    return figure

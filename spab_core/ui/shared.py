@@ -23,7 +23,7 @@ from spab_core.artifacts import (
     load_reference_map,
 )
 from spab_core.design import Design, InputError
-from spab_core.figures_map import SURROGATE, map_figure, mark_point
+from spab_core.figures_map import SURROGATE, map_figure, mark_trace
 from spab_core.integrate import is_compiled
 from spab_core.jobs import Job
 from spab_core.margin import against_linear, critical_masses, margin
@@ -98,34 +98,25 @@ class _Drawn(go.Figure):
         return self.__dict__["_ready"]
 
 
-def _new_map_figure(layer: str, name: str, divisor: int, seed: int) -> go.Figure:
-    m = reference_map()
-    return map_figure(m, layer, predicted_map(name, divisor, seed) if layer == SURROGATE else None, linear_table_of(m))
-
-
 @st.cache_resource(show_spinner=False)
 def _map_figures() -> dict[tuple, dict]:
     return {}  # filled by hand: training a model tells its progress on the page
 
 
-def marked_map_figure(layer: str, cell: int | None, name: str, divisor: int, seed: int) -> go.Figure:
-    """The map's figure with a cell shown as the selected one; ``name``, ``divisor``, ``seed`` are of the surrogate's layer.
+def marked_map_figure(point: tuple[float, float], layer: str, name: str, divisor: int, seed: int) -> go.Figure:
+    """The map's figure with a cross at (bearing number, rotor mass); ``name``, ``divisor``, ``seed``: of the surrogate's layer.
 
     Raises ``InputError``.
     """
     known, key = _map_figures(), (_stamp(), _stamp(PREDICTIONS), layer, *((name, divisor, seed) if layer == SURROGATE else ()))
     ready = known.get(key)
     if ready is None:
-        ready = known[key] = _new_map_figure(layer, name, divisor, seed).to_dict()
+        m = reference_map()
+        predicted = predicted_map(name, divisor, seed) if layer == SURROGATE else None
+        ready = known[key] = map_figure(m, layer, predicted, linear_table_of(m)).to_dict()
         for old in list(known)[:-12]:
             known.pop(old, None)
-    selected = {"selectedpoints": [] if cell is None else [cell]}
-    return _Drawn(ready | {"data": [t | selected if t.get("name") == "cells" else t for t in ready["data"]]})
-
-
-def map_figure_to_take(layer: str, bearing_number: float, rotor_mass: float, name: str, divisor: int, seed: int) -> go.Figure:
-    """The map's figure with a cross at a point, for a file."""
-    return mark_point(_new_map_figure(layer, name, divisor, seed), bearing_number, rotor_mass)
+    return _Drawn(ready | {"data": [*ready["data"], mark_trace(*point)]})
 
 
 @st.cache_resource(max_entries=1, show_spinner=False)

@@ -3,15 +3,16 @@
 import contextlib
 import json
 
+import numpy as np
 import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
-from streamlit.util import AttributeDictionary
 
 from spab_core import artifacts
 from spab_core.artifacts import load_reference_map
 from spab_core.cli import _build_parser
 from spab_core.design import reference_design
+from spab_core.figures import CHOSEN
 from spab_core.figures_map import LAYERS, SURROGATE
 from spab_core.margin import margin
 from spab_core.surrogates import MODELS
@@ -36,9 +37,10 @@ def verdict(at):
     return [box.value for kind in ("success", "warning", "error") for box in at.get(kind)]
 
 
-def click(at, point_index):
-    at.session_state["map"] = AttributeDictionary({"selection": {"points": [{"point_index": point_index}]}})
-    return at
+def mark(at):
+    """Bearing number and rotor mass of the mark on the map."""
+    trace = next(t for t in charts(at)[0]["data"] if t.get("name") == CHOSEN)
+    return [*trace["x"], *trace["y"]]
 
 
 def test_first_view(app):
@@ -48,8 +50,11 @@ def test_first_view(app):
     figures = charts(app)
     assert len(figures) == 2
     m = load_reference_map()
-    cells = next(t for t in figures[0]["data"] if t.get("name") == "cells")
-    assert cells["type"] == "scattergl" and len(cells["text"]) == m.mle.size
+    cells = next(t for t in figures[0]["data"] if t["type"] == "heatmap")
+    assert np.shape(cells["text"]) == m.shape[::-1]
+    row, column = m.nearest(18.0, 4.5)
+    assert cells["text"][column][row] == m.regime[row, column] == "chaotic"
+    assert mark(app) == [3.45, 4.52]
     for figure in figures.values():
         assert figure["layout"]["xaxis"]["title"]["text"] and figure["layout"]["yaxis"]["title"]["text"]
     assert figures[0]["layout"]["xaxis2"]["title"]["text"] == "Shaft speed, rpm"
@@ -75,14 +80,14 @@ def test_every_layer_is_drawn(app, layer):
     assert not app.exception and not app.error
     data = charts(app)[0]["data"]
     assert sum(t["type"] == "heatmap" for t in data) == 1
-    assert {"border of chaos", "linear stability threshold", "cells"} <= {t.get("name") for t in data}
+    assert {"border of chaos", "linear stability threshold", CHOSEN} <= {t.get("name") for t in data}
     if layer == "Regime":
         assert {"periodic-1", "quasi-periodic", "chaotic"} <= {t.get("name") for t in data}
     heatmap = next(t for t in data if t["type"] == "heatmap")
     if layer in ("MLE", "Surrogate prediction"):
         assert heatmap["zmin"] == -heatmap["zmax"]  # the diverging scale is centred on zero
-    told = next(t for t in data if t.get("name") == "cells")["hovertemplate"]
-    assert ("MLE predicted" in told) == (layer == SURROGATE)
+    assert "MLE %{" in heatmap["hovertemplate"] and ("predicted" in heatmap["hovertemplate"]) == (layer == SURROGATE)
+    assert ("customdata" in heatmap) == (layer != "MLE")  # the exponent, where the colours are of something else
     assert app.query_params.get("layer", LAYERS[0]) == layer
 
 
@@ -105,8 +110,7 @@ def test_typed_values_are_solved_and_marked(app, mass, number):
     assert not app.exception
     assert f"at Λ {number:.4g} and {mass:.4g} kg" in app.caption[-1].value
     assert len(verdict(app)) == 1 and any("edge of the map" in x.value for x in app.markdown)
-    row, column = load_reference_map().nearest(mass, number)
-    assert next(t for t in charts(app)[0]["data"] if t.get("name") == "cells")["selectedpoints"] == [row * 250 + column]
+    assert mark(app) == [number, mass]
     assert app.number_input(key="rpm").value == pytest.approx(load_reference_map().design.speed_rpm(number))
 
 
@@ -126,11 +130,10 @@ def test_a_typed_speed_sets_the_bearing_number(app):
         assert not app.exception and len(verdict(app)) == 1
 
 
-def test_outside_the_map_there_is_no_margin_and_no_mark(app):
+def test_outside_the_map_there_is_no_margin(app):
     app.number_input(key="rotor_mass").set_value(30.0).run()
     assert not app.exception
     assert any("No margin" in x.value and "allowed is from 0.1 to 25 kg" in x.value for x in app.markdown)
-    assert next(t for t in charts(app)[0]["data"] if t.get("name") == "cells")["selectedpoints"] == []
 
 
 def test_wrong_values_in_the_address_are_told():
@@ -216,16 +219,3 @@ def test_a_damaged_map_is_said_in_words(monkeypatch, tmp_path):
     assert not at.exception
     assert any("manifest" in e.value for e in at.error)
     st.cache_resource.clear()
-
-
-def test_a_click_takes_the_cell(app):
-    """The overlay's point index is the cell's position in the map, bearing number first."""
-    m = load_reference_map()
-    row, column = len(m.bearing_number) // 2, len(m.rotor_mass) // 3
-    # AppTest cannot click a chart: run the page's own callback with the state a click leaves behind
-    source = (ROOT / "app.py").read_text().replace('left, right = st.columns', '_clicked()\nleft, right = st.columns', 1)
-    at = AppTest.from_string(source, default_timeout=240)
-    click(at, row * len(m.rotor_mass) + column).run()
-    assert not at.exception
-    assert at.session_state["bearing_number"] == pytest.approx(m.bearing_number[row], abs=1e-5)
-    assert at.session_state["rotor_mass"] == pytest.approx(m.rotor_mass[column], abs=1e-5)

@@ -10,11 +10,11 @@ import pandas as pd
 import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
-from streamlit.util import AttributeDictionary
 
 from spab_core import artifacts, pretrained
 from spab_core.artifacts import REFERENCE_MAP, SCORES, load_reference_map, write_manifest
 from spab_core.evaluation import evaluate
+from spab_core.figures import CHOSEN
 from spab_core.jobs import cancel, list_jobs
 from spab_core.release import rebuild
 from spab_core.stability_map import FIELDS, load_map, save_map
@@ -122,43 +122,35 @@ def test_predictions_of_another_map_are_not_shown_and_it_says_so(shipped):
     assert any("Trained in" in c.value for c in at.caption)
 
 
-def click(at, *indices):
-    at.session_state["maps"] = AttributeDictionary({"selection": {"points": [{"point_index": k} for k in indices]}})
-    at.run()
-
-
 def test_a_click_on_the_error_map_compares_with_the_live_solve(own_jobs):
     """On the shipped map, whose intervals a real job computes; an outlier of the predicted map must be outside."""
     m = load_reference_map()
-    # AppTest cannot click a chart: the page's own callback runs with the state that a click leaves behind
+    # AppTest cannot click a chart: the page's own callback runs as the click would have it (tests/browser clicks)
     source, before = Path(PAGE["Surrogate_map"]).read_text("utf-8"), '\nst.markdown("#### Surrogate map'
     assert source.count(before) == 1
-    clicking = source.replace(before, f'\nif "maps" in state:\n    _clicked(){before}')
+    clicking = source.replace(before, f'\nif "test_click" in state:\n    _clicked(*state.pop("test_click")){before}')
     at = AppTest.from_string(clicking, default_timeout=120).run()
     assert not any(h.value.startswith("##### Compared") for h in at.markdown) and not list_jobs()
-    shown = at.get("plotly_chart")[0].proto.spec
     predicted = pretrained.load_shipped_map(m, MODELS["theory-trees"], 8)
     error = np.where(predicted.trained, 0.0, np.abs(predicted.mle - m.mle))
     cell = np.unravel_index(np.nanargmax(np.where(m.bearing_number[:, None] > 1.0, error, 0.0)), m.shape)
-    index = int(np.ravel_multi_index(cell, m.shape))
-    click(at, index)
+    number, mass = float(m.bearing_number[cell[0]]), float(m.rotor_mass[cell[1]])
+    at.session_state["test_click"] = number, mass
+    at.run()
     assert not at.exception and not at.error
-    assert at.get("plotly_chart")[0].proto.spec == shown  # sent again, the zoom would be lost
-    number, mass = m.bearing_number[cell[0]], m.rotor_mass[cell[1]]
     assert f"##### Compared at Λ {number:.3f}" in "".join(h.value for h in at.markdown)
     assert at.session_state["rotor_mass"] == pytest.approx(mass) and at.session_state["bearing_number"] == pytest.approx(number)
     assert f"Predicted {predicted.mle[cell]:+.3f}" in at.info[0].value and "interval" not in at.info[0].value
     until_done(at)
     assert not at.exception and not at.error
     assert "outside the model's 90% interval" in at.warning[0].value
-    trained = int(np.flatnonzero(predicted.trained.ravel())[-1])
-    click(at, trained)
-    at.session_state["maps"] = AttributeDictionary({"selection": {"points": []}})
-    assert "The model was trained on this cell" in (*at.success, *at.warning)[0].value
-    click(at)  # a double click selects nothing: the last one stays
+    row, column = (int(k[-1]) for k in np.nonzero(predicted.trained))
+    at.session_state["test_click"] = float(m.bearing_number[row]), float(m.rotor_mass[column])
+    at.run()
     assert "The model was trained on this cell" in (*at.success, *at.warning)[0].value
     at.button_group(key="divisor").select(2).run()
-    assert next(t for t in figure(at)["data"] if t.get("name") == "cells")["selectedpoints"] == [trained]
+    mark = next(t for t in figure(at)["data"] if t.get("name") == CHOSEN)
+    assert [*mark["x"], *mark["y"]] == [m.bearing_number[row], m.rotor_mass[column]] and mark["xaxis"] == "x3"
     assert not at.exception and not at.error
 
 

@@ -12,6 +12,14 @@ from tests.conftest import ROOT
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 OUTPUT = ROOT / "test-output"
+AXES = """() => { const { xaxis, yaxis } = document.querySelector('.js-plotly-plot')._fullLayout;
+    return {x: xaxis.range, y: yaxis.range}; }"""
+MARKED = """() => { const plot = document.querySelector('.js-plotly-plot'), layout = plot._fullLayout;
+    const uid = plot._fullData.find(t => t.name === 'chosen point').uid;
+    const mark = plot.querySelector(`.trace${uid} path.point`).getBoundingClientRect();
+    const box = plot.querySelector('.nsewdrag').getBoundingClientRect();
+    return [layout.yaxis.p2d(mark.top + mark.height / 2 - box.top),
+            layout.xaxis.p2d(mark.left + mark.width / 2 - box.left)]; }"""
 
 
 def _pictures():
@@ -33,9 +41,11 @@ def test_click_a_cell(chromium):
         tools.settled(page)
         seconds = [click_cell(page, m, *m.nearest(mass, number)) for mass, number in ((7.0, 6.0), (10.0, 5.0), (18.0, 4.5))]
         tools.settled(page)
+        marked = zoomed_and_marked(page, m)
         Path(OUTPUT).mkdir(exist_ok=True)
         page.screenshot(path=OUTPUT / "clicked.png")
         text, shown = page.inner_text("body"), page.url
+    assert marked == [pytest.approx([18.0, 4.5], abs=0.06)] * 2
     row, column = m.nearest(18.0, 4.5)
     assert point_words(m, row, column) in text
     assert "Chaotic" in text and "Unstable here (chaotic)" in text
@@ -43,6 +53,29 @@ def test_click_a_cell(chromium):
     assert not messages, messages
     assert all(url.startswith((address, address.replace("http", "ws"), "data:", "blob:")) for url in requests), requests
     print("click to answer: " + ", ".join(f"{s:.2f} s" for s in seconds))
+
+
+def zoomed_and_marked(page, m):
+    """Zoom in, click two cells, zoom out: (rotor mass, bearing number) at the mark's place on the screen, zoomed and whole."""
+    box = page.evaluate("""() => { const r = document.querySelector('.js-plotly-plot .nsewdrag').getBoundingClientRect();
+        return [r.left, r.top, r.width, r.height]; }""")
+    page.mouse.move(box[0] + 0.3 * box[2], box[1] + 0.1 * box[3])
+    page.mouse.down()
+    page.mouse.move(box[0] + 0.8 * box[2], box[1] + 0.7 * box[3], steps=5)
+    page.mouse.up()
+    page.wait_for_timeout(1000)
+    zoomed = page.evaluate(AXES)
+    assert zoomed["x"][0] > m.bearing_number[0] and zoomed["y"][1] < m.rotor_mass[-1]
+    for mass, number in ((14.0, 5.0), (18.0, 4.5)):
+        click_cell(page, m, *m.nearest(mass, number))
+        page.wait_for_timeout(500)
+        assert page.evaluate(AXES) == zoomed  # the figure was not sent again
+    found = page.evaluate(MARKED)
+    page.mouse.dblclick(box[0] + 0.9 * box[2], box[1] + 0.9 * box[3])  # back to the whole map, not to another point
+    page.get_by_text(point_words(m, *m.nearest(18.0, 4.5))).wait_for()
+    page.wait_for_timeout(1500)
+    assert page.evaluate(AXES) != zoomed
+    return [found, page.evaluate(MARKED)]
 
 
 def click_cell(page, m, row, column):
