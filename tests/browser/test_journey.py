@@ -143,6 +143,29 @@ def test_journey(address, tools):
     watched.check()
 
 
+def test_a_click_on_my_map_tells_the_margin_of_the_cell(tools, tmp_path, monkeypatch):
+    """A small plane is mapped by a real job; a click on a cell, also on the dot of a solved one, moves point and margin."""
+    monkeypatch.setenv("SPAB_JOBS", str(tmp_path))
+    tmp_path.chmod(0o700)
+    with tools.dashboard() as address, tools.browser_page() as page:
+        watched = Watched(address)
+        watched.add(page).goto(f"{address}/My_map?bearing_number=3&rotor_mass=6")
+        tools.settled(page)
+        for label, value in (("Bearing numbers", "2:4:5"), ("Rotor masses", "3:9:5")):
+            page.get_by_label(label).fill(value)
+            page.get_by_label(label).press("Enter")
+            tools.settled(page)
+        page.get_by_role("button", name="Map this bearing").click()
+        page.get_by_text("solved (25)").first.wait_for(timeout=120_000)
+        tools.settled(page)
+        click_cell(page, 2.5, 7.5)
+        page.wait_for_url("**bearing_number=2.5&rotor_mass=7.5**")
+        page.get_by_text("At 7.5 kg").wait_for()
+        assert page.get_by_label("Rotor mass, kg").input_value() == "7.5"
+        page.screenshot(path=OUTPUT / "my_map.png")
+    watched.check()
+
+
 def test_every_page_on_a_narrow_screen(address, tools):
     """At 400 px no page scrolls sideways: what is wider scrolls in its own box."""
     watched, wide = Watched(address), {}
