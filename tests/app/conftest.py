@@ -1,4 +1,4 @@
-"""Background jobs of one test of a page."""
+"""What tests of pages share: the address, background jobs of one test."""
 
 import time
 
@@ -26,3 +26,8 @@ def until_done(at, seconds=150):
         assert time.monotonic() < end
         time.sleep(0.1)
     return at.run()
+
+
+def address(at):
+    """What stands in the page's address: a text each, of which AppTest of Streamlit 1.64 makes a list."""
+    return {key: value[-1] if isinstance(value, list) else value for key, value in at.query_params.items()}

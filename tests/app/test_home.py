@@ -17,6 +17,7 @@ from spab_core.figures_map import LAYERS, SURROGATE
 from spab_core.margin import margin
 from spab_core.surrogates import MODELS
 from spab_core.ui import shared
+from tests.app.conftest import address
 from tests.conftest import ROOT
 
 APP = str(ROOT / "app.py")
@@ -88,7 +89,7 @@ def test_every_layer_is_drawn(app, layer):
         assert heatmap["zmin"] == -heatmap["zmax"]  # the diverging scale is centred on zero
     assert "MLE %{" in heatmap["hovertemplate"] and ("predicted" in heatmap["hovertemplate"]) == (layer == SURROGATE)
     assert ("customdata" in heatmap) == (layer != "MLE")  # the exponent, where the colours are of something else
-    assert app.query_params.get("layer", LAYERS[0]) == layer
+    assert address(app).get("layer", LAYERS[0]) == layer
 
 
 def test_the_predicted_layer_is_of_the_chosen_model_and_fraction(app):
@@ -120,7 +121,7 @@ def test_a_typed_speed_sets_the_bearing_number(app):
     assert not app.exception and not app.error
     assert design.speed_rpm(app.session_state["bearing_number"]) == pytest.approx(10_200.0, rel=1e-5)
     assert app.number_input(key="rpm").value == pytest.approx(10_200.0, rel=1e-5)
-    assert app.query_params["bearing_number"] == f"{app.session_state['bearing_number']:.6g}"
+    assert address(app)["bearing_number"] == f"{app.session_state['bearing_number']:.6g}"
     app.number_input(key="rpm").set_value(None).run()  # emptied: the speed stays
     assert not app.exception and app.number_input(key="rpm").value == pytest.approx(10_200.0, rel=1e-5)
     app.number_input(key="rotor_mass").set_value(None).run()  # emptied: the usual mass

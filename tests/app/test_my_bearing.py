@@ -15,6 +15,7 @@ from spab_core.design import design_toml, load_design, reference_design
 from spab_core.form import FIELDS, eccentricity_of_grade
 from spab_core.presets import PRESETS, preset
 from spab_core.ui import bearing, view
+from tests.app.conftest import address
 from tests.conftest import ROOT
 
 PAGE = str(next((ROOT / "pages").glob("*_My_bearing.py")))
@@ -35,7 +36,7 @@ def run(at):
 
 def design_of(at):
     """The design that the page's session holds, from the address that would be copied."""
-    changes = {k.replace(".", "__"): float(v) for k, v in at.query_params.items() if "." in k}
+    changes = {k.replace(".", "__"): float(v) for k, v in address(at).items() if "." in k}
     return reference_design().replace(**changes)
 
 
@@ -64,7 +65,7 @@ def test_a_typed_value_is_the_design_of_the_dashboard_and_the_machine_keeps_its_
     rpm = page.number_input(key="my_rpm").value
     before = metric(page, "Eccentricity")
     type_in(page, "bearing__clearance", 30.0)
-    assert page.query_params["bearing.clearance"] == "3e-05"
+    assert address(page)["bearing.clearance"] == "3e-05"
     assert design_of(page) == reference_design().replace(bearing__clearance=30e-6)
     assert page.number_input(key="my_rpm").value == rpm
     number = page.number_input(key="bearing_number").value
@@ -122,11 +123,11 @@ def test_unbalance_as_a_balance_grade(page):
 def test_speed_in_rpm_or_as_bearing_number(page):
     run(page.number_input(key="my_rpm").set_value(12000.0))
     number = reference_design().bearing_number(400.0 * math.pi)
-    assert float(page.query_params["bearing_number"]) == pytest.approx(number, rel=1e-5)
+    assert float(address(page)["bearing_number"]) == pytest.approx(number, rel=1e-5)
     run(page.number_input(key="bearing_number").set_value(2.0))
     assert page.number_input(key="my_rpm").value == pytest.approx(reference_design().speed_rpm(2.0), rel=1e-5)
     run(page.number_input(key="my_rpm").set_value(1e9))
-    assert "Speed = 1e+09 rpm is out of range" in page.error[0].value and page.query_params["bearing_number"] == "2"
+    assert "Speed = 1e+09 rpm is out of range" in page.error[0].value and address(page)["bearing_number"] == "2"
 
 
 def test_a_design_out_of_the_address(page):

@@ -7,6 +7,7 @@ from streamlit.testing.v1 import AppTest
 
 from spab_core.design import InputError, reference_design
 from spab_core.ui.view import VIEW
+from tests.app.conftest import address
 
 
 def page():
@@ -36,8 +37,8 @@ def test_a_copied_address_opens_the_same_view():
     assert not at.query_params and not at.error
     at.number_input(key="rotor_mass").set_value(7.25).run()
     at.button(key="thin").click().run()
-    assert at.query_params == {"rotor_mass": "7.25", "bearing.clearance": "3e-05"}
-    copy = opened(**at.query_params)
+    assert address(at) == {"rotor_mass": "7.25", "bearing.clearance": "3e-05"}
+    copy = opened(**address(at))
     assert copy.number_input(key="rotor_mass").value == 7.25
     assert [t.value for t in copy.text] == ["own design (radial clearance 30 µm)", "3e-05"]
     assert not copy.error
@@ -72,4 +73,4 @@ def test_any_text_in_the_address_is_a_value_or_a_sentence(key, text):
 def test_values_survive_a_page_without_their_widgets():
     at = opened(rotor_mass="7.25", model="forest")
     assert at.session_state["model"] == "forest" and at.run().session_state["model"] == "forest"
-    assert at.query_params["model"] == "forest"
+    assert address(at)["model"] == "forest"

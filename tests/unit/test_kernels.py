@@ -8,6 +8,8 @@ from spab_core.kernels import add_curvature, build_work, prepare_curvature, slop
 from spab_core.linear import linearise, solve
 from spab_core.rotor import build_rotor, rotor_slope
 
+EPS = np.finfo(float).eps
+
 
 class Case:
     def __init__(self, design, mesh, scheme="fitted", tau=1.3):
@@ -52,7 +54,10 @@ def test_slope_is_the_readable_formula(case):
     film, rotor, u, n = case.film, case.rotor, case.u, case.n
     out = case.slope(u)
     s, x, y = film_array(film, u), u[n], u[n + 1]
-    assert np.allclose(film_array(film, out), film_slope(film, s, x, y), rtol=0, atol=1e-11)
+    readable = film_slope(film, s, x, y)
+    # Both are sums of M products, in another order and with fused products or without: beside 64-bit mantissas each is at most
+    # 2.1 times eps of the largest entry away, on numba 0.62 as on 0.68. That entry is 33 on 2x8 and 29,379 on 12x10.
+    assert np.abs(film_array(film, out) - readable).max() < 8.0 * EPS * np.abs(readable).max()
     assert np.allclose(out[n:], rotor_slope(rotor, case.tau, u[n:], film_force(film, s, x, y)), rtol=1e-12, atol=1e-12)
 
 
