@@ -1,7 +1,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
-OLDEST := tests/unit/test_design.py tests/unit/test_form.py tests/unit/test_export.py tests/unit/test_threads.py \
-  tests/app/test_about.py
+OLDEST := $(addprefix tests/unit/test_,design.py form.py export.py threads.py kernels.py simulate.py map_engine.py surrogates.py) \
+  $(addprefix tests/physics/test_,film.py integrators.py points.py) $(addprefix tests/app/test_,about.py view.py home.py my_bearing.py)
 
 .PHONY: run test test-oldest licences lint lock map train verify bifurcations audit linear-table refined manifest pictures results clean
 
@@ -11,7 +11,8 @@ run: .venv/.ready
 test: .venv/.ready
 	$(BIN)/python -m pytest
 
-# the oldest versions that pyproject.toml allows: what depends on the libraries, without the models kept for the newest ones
+# the oldest versions that pyproject.toml allows: core, view and what else depends on the libraries, without the models kept for
+# the newest ones
 test-oldest: .venv-oldest/.ready
 	NUMBA_CACHE_DIR=.venv-oldest/kernels .venv-oldest/bin/python -m pytest -q $(OLDEST)
 
