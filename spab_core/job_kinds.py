@@ -1,4 +1,7 @@
-"""What a background job can be (:mod:`spab_core.jobs`): one entry of :data:`KINDS` each."""
+"""What a background job can be (:mod:`spab_core.jobs`): one entry of :data:`KINDS` each.
+
+Modules with scikit-learn are imported by the kinds that need them: a second that a worker of another kind need not wait.
+"""
 
 from __future__ import annotations
 
@@ -9,20 +12,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from spab_core.artifacts import REFERENCE_MAP, load_reference_map, read_manifest
 from spab_core.bifurcation import SWEEPS, check_line, compute_bifurcation, save_bifurcation
 from spab_core.design import Design, InputError, check_number, write_atomically
-from spab_core.export import csv_bytes
-from spab_core.foreign import MAX_BYTES, SEEDS, load_samples, rank_samples
 from spab_core.point import solve_point
 from spab_core.point_file import save_point
 from spab_core.private_folder import own_bytes
-from spab_core.quick_map import SECONDS, check_cluster, check_quick_map, quick_map
-from spab_core.quick_map import SETTINGS as MAP_SETTINGS
-from spab_core.refine import save_refinement
 from spab_core.simulate import Settings, check_point
 from spab_core.stability_map import axis
-from spab_core.surrogates import DIVISORS, MODELS, model
 from spab_core.what_if import AXES, SCAN, SETTINGS, STEP, STEPS, check_margin, save_sensitivity, sensitivity, variations
 
 Advance = Callable[[int], None]  # called with the number done since the last call
@@ -144,6 +140,8 @@ def _run_sensitivity(folder: Path, parameters: dict, advance: Advance, set_total
 
 
 def _check_ranking(parameters: dict) -> dict:
+    from spab_core.surrogates import MODELS, model
+
     design, samples, models = _taken(parameters, design={}, samples=..., models=list(MODELS))
     if not isinstance(samples, str) or not re.fullmatch("[0-9a-f]{64}", samples):
         raise InputError(f"samples = {str(samples)[:60]!r} must be the SHA-256 of {SAMPLES}, which is put beside the job")
@@ -154,6 +152,10 @@ def _check_ranking(parameters: dict) -> dict:
 
 
 def _run_ranking(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:
+    from spab_core.export import csv_bytes
+    from spab_core.foreign import MAX_BYTES, SEEDS, load_samples, rank_samples
+    from spab_core.surrogates import DIVISORS, model
+
     data = own_bytes(folder / SAMPLES, MAX_BYTES)
     if hashlib.sha256(data).hexdigest() != parameters["samples"]:
         raise InputError(f"{SAMPLES} is not the file that this job was asked for")
@@ -164,8 +166,10 @@ def _run_ranking(folder: Path, parameters: dict, advance: Advance, set_total: Se
 
 
 def _check_map(parameters: dict) -> dict:
+    from spab_core.quick_map import SECONDS, SETTINGS, check_cluster, check_quick_map
+
     design, number, mass, seconds, seed, settings, cluster = _taken(
-        parameters, design={}, bearing_number=..., rotor_mass=..., seconds=SECONDS, seed=0, settings=MAP_SETTINGS.to_dict(),
+        parameters, design={}, bearing_number=..., rotor_mass=..., seconds=SECONDS, seed=0, settings=SETTINGS.to_dict(),
         dask="")
     check_quick_map(number, mass, seconds)
     if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**32:
@@ -176,6 +180,9 @@ def _check_map(parameters: dict) -> dict:
 
 
 def _run_map(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:
+    from spab_core.quick_map import check_quick_map, quick_map
+    from spab_core.refine import save_refinement
+
     seconds, gone = parameters["seconds"], 0.0
     set_total(round(seconds))
 
@@ -193,7 +200,8 @@ def _run_map(folder: Path, parameters: dict, advance: Advance, set_total: SetTot
 
 
 def _check_intervals(parameters: dict) -> dict:
-    from spab_core.pretrained import recipe_hash  # scikit-learn: two seconds that the other kinds need not wait
+    from spab_core.artifacts import REFERENCE_MAP, read_manifest
+    from spab_core.pretrained import recipe_hash
     from spab_core.surrogates import DIVISORS, model
 
     name, divisor, seed, made_from = _taken(parameters, model=..., divisor=..., seed=0, made_from=None)
@@ -207,6 +215,7 @@ def _check_intervals(parameters: dict) -> dict:
 
 
 def _run_intervals(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:
+    from spab_core.artifacts import load_reference_map
     from spab_core.surrogates import model
     from spab_core.uncertainty import STEPS, save_intervals, uncertain_map
 
