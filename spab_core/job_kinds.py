@@ -45,6 +45,8 @@ class Kind:
         File in the job's folder.
     grows : bool
         Whether the result is written more than once, better each time, so that one that is there need not be the last.
+    resumes : bool
+        Whether it keeps what it has solved, so that another start goes on from there.
     """
 
     label: str
@@ -52,6 +54,12 @@ class Kind:
     run: Callable[[Path, dict, Advance, SetTotal], None]
     result: str = "result.npz"
     grows: bool = False
+    resumes: bool = False
+
+    @property
+    def again(self) -> str:
+        """What to do after it was stopped, in words."""
+        return "start it again to go on" if self.resumes else "start it again from the beginning"
 
 
 def workers_for(tasks: int) -> int:
@@ -226,9 +234,9 @@ def _run_intervals(folder: Path, parameters: dict, advance: Advance, set_total: 
 
 
 KINDS = {
-    "bifurcation": Kind("Bifurcation line", _check_bifurcation, _run_bifurcation),
+    "bifurcation": Kind("Bifurcation line", _check_bifurcation, _run_bifurcation, resumes=True),
     "point": Kind("Operating point", _check_point, _run_point),
-    "map": Kind("Map of a bearing", _check_map, _run_map, grows=True),
+    "map": Kind("Map of a bearing", _check_map, _run_map, grows=True, resumes=True),
     "sensitivity": Kind("What if", _check_sensitivity, _run_sensitivity, "result.json"),
     "ranking": Kind("Ranking on own data", _check_ranking, _run_ranking, "result.csv"),
     "intervals": Kind("Intervals of a surrogate", _check_intervals, _run_intervals),

@@ -32,12 +32,12 @@ from spab_core._kernel_cache import solver_hash
 from spab_core._version import __version__
 from spab_core.design import InputError, write_atomically
 from spab_core.job_kinds import KINDS
-from spab_core.map_engine import remove_parts
+from spab_core.map_engine import remove_parts, remove_temporaries
 
 VARIABLE = "SPAB_JOBS"
 STATES = ("queued", "running", "cancelled", "failed", "done")
 ACTIVE = ("queued", "running")
-STOPPED = "the worker was stopped; start it again to go on"
+STOPPED = "the worker was stopped"
 _ID = re.compile(r"[a-z][a-z0-9-]{0,30}-[0-9a-f]{16}")
 _MAX_BYTES = 1_000_000  # of a job.json
 _START_SECONDS = 120.0  # for a worker to show up, on a busy machine
@@ -188,7 +188,7 @@ def _state(folder: Path, data: dict) -> tuple[str, str]:
             if (folder / "cancel").exists():
                 return "cancelled", ""
             if not _starting(folder, data):
-                return "failed", STOPPED
+                return "failed", f"{STOPPED}; {KINDS[data['kind']].again}"
     if data["state"] == "done" and not (folder / KINDS[data["kind"]].result).is_file():
         return "failed", "its result is gone; start it again"
     return data["state"], data["message"]
@@ -426,6 +426,7 @@ def _work(folder: Path) -> int:
         return 2
     if data is None or data["state"] != "queued" or (folder / "cancel").exists():
         return 0  # it has been done, or called off
+    remove_temporaries(folder, "*")
     if hasattr(os, "nice"):
         os.nice(5)  # the dashboard goes first
     report = _Report(folder, data)
@@ -443,11 +444,11 @@ def _work(folder: Path) -> int:
     except InputError as error:
         report.end("failed", str(error))
     except TerminatedWorkerError:
-        report.end("failed", "a process at work died (killed, or out of memory); start it again to go on")
+        report.end("failed", f"a process at work died (killed, or out of memory); {KINDS[data['kind']].again}")
     except OSError as error:
         traceback.print_exc()
-        report.end("failed", f"{error.filename or folder}: {error.strerror or error}; start it again to go on; the rest is in "
-                             f"{folder / 'log.txt'}")
+        report.end("failed", f"{error.filename or folder}: {error.strerror or error}; {KINDS[data['kind']].again}; the rest "
+                             f"is in {folder / 'log.txt'}")
     except Exception as error:
         traceback.print_exc()
         report.end("failed", f"unexpected: {type(error).__name__}: {error}; the rest is in {folder / 'log.txt'}")

@@ -106,9 +106,16 @@ def locked(folder: Path | None) -> Iterator[None]:
     except filelock.Timeout:
         raise MapError(f"another run is at work on {folder}: wait for it, or give another --out") from None
     try:
+        remove_temporaries(folder, "chunk-*")
         yield
     finally:
         lock.release()
+
+
+def remove_temporaries(folder: Path, name: str) -> None:
+    """Delete what killed writers of files ``name`` (a pattern) left there. For who holds the lock that they write under."""
+    for path in folder.glob(f".{name}.tmp"):
+        path.unlink(missing_ok=True)
 
 
 def end_with_parent(parent: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import streamlit as st
 
+from spab_core.job_kinds import KINDS
 from spab_core.jobs import Job, JobError, cancel, find, job_id, submit
 from spab_core.ui.shared import errors_in_words
 
@@ -50,8 +51,10 @@ def job_panel(kind: str, parameters: dict, label: str, key: str, *, auto: bool =
     if job is not None or damage:
         words, place = _row()
         if job is not None and job.state == "cancelled":
-            words.warning(f"Cancelled{_count(job)}. What is solved is kept.")
-            label = "Go on"
+            resumes = KINDS[kind].resumes
+            kept = "What is solved is kept." if resumes else "Nothing is kept of it: it starts from the beginning."
+            words.warning(f"Cancelled{_count(job)}. {kept}")
+            label = "Go on" if resumes else "Start again"
         else:
             words.error(f"Failed: {job.message if job is not None else damage}.".replace("..", "."))
             label = "Try again"
