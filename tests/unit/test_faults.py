@@ -5,6 +5,7 @@ import errno
 import json
 import os
 import resource
+import signal
 import subprocess
 import sys
 import time
@@ -18,7 +19,8 @@ from spab_core import _kernel_cache, jobs
 from spab_core.cli import main
 from spab_core.design import write_atomically
 from spab_core.job_kinds import KINDS
-from spab_core.stability_map import load_map
+from spab_core.map_engine import locked
+from spab_core.stability_map import MapError, load_map
 from tests.conftest import ROOT
 
 OPTIONS = ["--mesh", "2x16", "--transient", "20", "--revolutions", "20"]
@@ -153,6 +155,37 @@ def test_a_kill_between_result_and_end_loses_nothing(queued, monkeypatch):
     monkeypatch.setattr("spab_core.job_kinds.compute_bifurcation", None)  # it must not be asked again
     assert work_here(queued) == 0
     assert jobs.find(queued).state == "done" and job.result.stat().st_mtime_ns == written
+
+
+def test_what_a_killed_writer_left_is_removed_by_who_goes_on(tmp_path):
+    out = tmp_path / "m.npz"
+    program = ("import os, signal, sys; from spab_core.cli import main\n"
+               "real, count = os.fsync, 0\n"
+               "def fsync(handle):\n"
+               "    global count; count += 1\n"
+               "    if count == 3: os.kill(os.getpid(), signal.SIGKILL)\n"  # the plan, a chunk; the second one is cut off
+               "    real(handle)\n"
+               "os.fsync = fsync; main(sys.argv[1:])")
+    done = subprocess.run([sys.executable, "-c", program, *MAP, "--out", str(out)], capture_output=True, timeout=120,
+                          env=os.environ | {"PYTHONPATH": str(ROOT)})
+    parts = Path(f"{out}.parts")
+    left = {p.name for p in parts.iterdir()}
+    assert done.returncode == -signal.SIGKILL and {"plan.json", "chunk-000000.npz"} < left
+    assert [name[:11] for name in left if name.endswith(".tmp")] == [".chunk-0000"]
+    with jobs.FileLock(parts / "lock"), pytest.raises(MapError, match="another run is at work"), locked(parts):
+        pass
+    assert {p.name for p in parts.iterdir()} == left  # they may be of the other run
+    with locked(parts):
+        assert {p.name for p in parts.iterdir()} == {n for n in left if not n.endswith(".tmp")}
+
+
+def test_a_job_removes_what_its_last_worker_left(queued, monkeypatch):
+    monkeypatch.setattr(os, "nice", lambda n: 0)
+    folder = jobs.jobs_folder() / queued
+    for name in (".job.json.ab12.tmp", ".result.npz.ab12.tmp"):
+        (folder / name).write_bytes(b"cut")
+    assert work_here(queued) == 0
+    assert not list(folder.glob("*.tmp")) and not list(folder.glob(".*.tmp"))
 
 
 def test_a_job_whose_result_grows_is_not_taken_for_finished():
