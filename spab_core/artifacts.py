@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import os
 import re
+import sys
 from pathlib import Path
 
 import pandas as pd
@@ -40,6 +42,12 @@ def sha256(path: Path) -> str:
     """Hex SHA-256 of a file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def check_writable(folder: Path, name: str) -> None:
+    """Raise ``InputError`` where no file can be made in a folder: before the work, not after it. ``name``: who needs it."""
+    if folder.is_dir() and not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError(f"{name} cannot be written: the folder {folder} is read-only")
 
 
 def _text(manifest: dict) -> bytes:
@@ -174,6 +182,16 @@ def load_audit(path: Path = AUDIT) -> pd.DataFrame:
     return rows
 
 
+def _main() -> int:
+    try:
+        check_writable(ARTIFACTS, MANIFEST)
+        for name, entry in write_manifest()["files"].items():
+            print(name, entry["bytes"], entry["sha256"])
+    except (InputError, OSError) as error:
+        print(f"manifest: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
 if __name__ == "__main__":
-    for file_name, entry in write_manifest()["files"].items():
-        print(file_name, entry["bytes"], entry["sha256"])
+    raise SystemExit(_main())

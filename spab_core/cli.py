@@ -14,6 +14,7 @@ from tqdm import tqdm
 
 from spab_core import cli_dashboard, cli_design, cli_jobs, cli_margin, cli_models, cli_refine, cli_surrogates
 from spab_core._version import __version__
+from spab_core.artifacts import check_writable
 from spab_core.bifurcation import SWEEPS, VARY, chaotic_intervals, check_line, compute_bifurcation, save_bifurcation
 from spab_core.cli_jobs import kept_when_stopped
 from spab_core.design import InputError, check_number, check_output, reference_design, write_atomically
@@ -236,6 +237,9 @@ def _count(result):
     return names, [labels.count(n) for n in names]
 
 
+_OUTPUTS = ("out", "map_out", "orbit")  # options that name a file to write
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; returns the exit code: 0, 1 where ``spab verify`` finds something wrong, or 2 for bad input."""
     with contextlib.suppress(AttributeError):  # a file name may hold what the terminal cannot show
@@ -246,6 +250,9 @@ def main(argv: list[str] | None = None) -> int:
         if value == []:  # what argparse of Python 3.11 makes of --name=--
             parser.error(f"--{name.replace('_', '-')} = '--' is not allowed")
     try:
+        for name in _OUTPUTS:
+            if getattr(args, name, None):
+                check_writable(Path(getattr(args, name)).parent, f"--{name.replace('_', '-')} = {getattr(args, name)[:200]!r}")
         answer = args.run(args)
     except InputError as error:
         print(f"spab {args.command}: {' '.join(str(error).split())}", file=sys.stderr)

@@ -7,7 +7,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from spab_core import model_cache
-from spab_core.artifacts import ARTIFACTS, load_reference_map
+from spab_core.artifacts import ARTIFACTS, check_writable, load_reference_map
 from spab_core.cli_surrogates import step_bar
 from spab_core.design import InputError, check_number, check_output
 from spab_core.evaluation import SEEDS, errors
@@ -70,6 +70,7 @@ def _train_all(args) -> dict:
     folder = _folder(args)
     if args.map is not None and args.folder is None:
         raise InputError("--map with --all needs --folder: artifacts/ holds what is computed from the shipped map alone")
+    check_writable(folder, "what is trained")
     m = _map(args, folder)
     kinds = list(MODELS.values())
     with tqdm(total=trainings(kinds, DIVISORS, range(seeds)), unit="training", smoothing=0.05) as bar:

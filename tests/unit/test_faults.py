@@ -5,6 +5,7 @@ import errno
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ import pytest
 
 from benchmarks.faults import run
 from spab_core import _kernel_cache, jobs
+from spab_core.artifacts import ARTIFACTS
 from spab_core.cli import main
 from spab_core.design import write_atomically
 from spab_core.job_kinds import KINDS
@@ -296,3 +298,52 @@ def test_two_processes_do_one_job_once(root):
     (name,) = names
     assert ended(name).state == "done" and len(jobs.list_jobs()) == 1
     assert "Traceback" not in (root / name / "log.txt").read_text()
+
+
+READ_ONLY = """
+import contextlib, io, json, sys
+from streamlit.testing.v1 import AppTest
+from spab_core import artifacts
+from spab_core.cli import main
+try:
+    (artifacts.ARTIFACTS / "x").touch()
+    raise SystemExit("it can be written")
+except OSError:
+    pass
+told = []
+for command in json.loads(sys.argv[1]):
+    words = io.StringIO()
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(words):
+        code = main(command) if command else artifacts._main()
+    told.append([code, words.getvalue()])
+for page in sys.argv[2:]:
+    at = AppTest.from_file(page, default_timeout=240).run()
+    assert not at.exception and not at.error, page
+print(json.dumps(told))
+"""
+
+
+@pytest.mark.slow
+def test_read_only_artifacts_serve_and_refuse_in_a_sentence(tmp_path):
+    """On a mount that is read-only for root too, seen by this process alone."""
+    private = ["unshare", "--map-root-user", "--mount", "sh", "-ec",
+               'mount --bind "$1" "$1"; mount -o remount,bind,ro "$1"; shift; exec "$@"', "sh", str(ARTIFACTS)]
+    if not shutil.which("unshare") or subprocess.run([*private, "true"], capture_output=True).returncode:
+        pytest.skip("this system gives no mounts of one's own")
+    x = str(ARTIFACTS / "x")
+    plane = ["--bearing-number", "2:4:5", "--rotor-mass", "3:5:5", *OPTIONS]
+    good = [["verify"], ["predict", "--model", "mlp", "--out", str(tmp_path / "p.npz")]]
+    bad = [[], ["train", "--all"], ["train", "--model", "tree", "--divisor", "4", "--out", x], ["evaluate", "--out", x],
+           ["predict", "--model", "tree", "--out", x], ["map", *plane, "--out", x],
+           ["refine", *plane, "--budget", "16", "--out", x],
+           ["bifurcation", "--vary", "rotor-mass", "--at", "3", "--range", "2:4:2", *OPTIONS, "--out", x],
+           ["simulate", "--rotor-mass", "3", "--bearing-number", "3", *OPTIONS, "--orbit", x]]
+    pages = [str(ROOT / "app.py"), str(next((ROOT / "pages").glob("*_Surrogate_map.py")))]
+    done = subprocess.run([*private, sys.executable, "-c", READ_ONLY, json.dumps([*good, *bad]), *pages], text=True,
+                          capture_output=True, timeout=300, env=os.environ | {"PYTHONPATH": str(ROOT)})
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert [code for code, _ in told] == [0] * len(good) + [2] * len(bad), told
+    for _, words in told[len(good):]:
+        assert words.count("\n") == 1 and words.endswith(f"cannot be written: the folder {ARTIFACTS} is read-only\n"), words
+        assert "| 1/" not in words  # nothing was done before it was refused
