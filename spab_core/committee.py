@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from sklearn.ensemble import ExtraTreesClassifier, ExtraTreesRegressor
 
-from spab_core.evaluation import mae, rmse
+from spab_core.evaluation import mae, regime_scores, rmse
 from spab_core.features import FEATURES, LinearFeatures, LinearTable
 from spab_core.regimes import REGIMES
 from spab_core.stability_map import StabilityMap
@@ -146,10 +146,11 @@ def scores(m: StabilityMap, prediction: Prediction, cells: np.ndarray) -> dict[s
     Returns
     -------
     dict
-        Those of :func:`exponent_scores` and :func:`regime_scores`; nan where no cell counts.
+        Those of :func:`exponent_scores`, ``accuracy`` of regimes and ``chaos_f1``; nan where no cell counts.
     """
-    return (exponent_scores(m, prediction.mle, cells)
-            | regime_scores(m.regime.ravel()[cells], prediction.regime[cells]))
+    regimes = regime_scores(m.regime.ravel()[cells], prediction.regime[cells])
+    return exponent_scores(m, prediction.mle, cells) | {
+        "accuracy": regimes["regime_accuracy"], "chaos_f1": regimes["chaos_f1"]}
 
 
 def exponent_scores(m: StabilityMap, predicted: np.ndarray, cells: np.ndarray) -> dict[str, float]:
@@ -162,11 +163,3 @@ def exponent_scores(m: StabilityMap, predicted: np.ndarray, cells: np.ndarray) -
     undamped = known & (np.repeat(m.bearing_number, len(m.rotor_mass)) >= DAMPED - 1e-9)
     return {name: function(truth[chosen], predicted[chosen]) if chosen.any() else np.nan
             for name, function, chosen in (("rmse", rmse, known), ("rmse_undamped", rmse, undamped), ("mae", mae, known))}
-
-
-def regime_scores(truth: np.ndarray, predicted: np.ndarray) -> dict[str, float]:
-    """``accuracy`` of regimes and ``chaos_f1``: 2 tp / (2 tp + fp + fn) of "chaotic"; nan where there is nothing to count."""
-    chaotic, said = truth == "chaotic", predicted == "chaotic"
-    both, either = int((chaotic & said).sum()), int(chaotic.sum() + said.sum())
-    return {"accuracy": float((truth == predicted).mean()) if len(truth) else np.nan,
-            "chaos_f1": 2 * both / either if either else np.nan}

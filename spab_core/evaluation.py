@@ -54,8 +54,9 @@ def f1(truth: np.ndarray, predicted: np.ndarray) -> float:
 
 
 def regime_scores(truth: np.ndarray, predicted: np.ndarray) -> dict[str, float]:
-    """``regime_accuracy`` and ``chaos_f1`` of predicted regimes, arrays of str (n,)."""
-    return {"regime_accuracy": float(np.mean(truth == predicted)), "chaos_f1": f1(truth == "chaotic", predicted == "chaotic")}
+    """``regime_accuracy`` and ``chaos_f1`` of predicted regimes, arrays of str (n,); nan where there is nothing to count."""
+    return {"regime_accuracy": float(np.mean(truth == predicted)) if len(truth) else math.nan,
+            "chaos_f1": f1(truth == "chaotic", predicted == "chaotic")}
 
 
 def score(m: StabilityMap, kind: Model, divisor: int, seed: int, split: str = "random") -> dict:

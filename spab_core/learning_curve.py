@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 
 from spab_core.artifacts import HOME
-from spab_core.committee import Prediction, exponent_scores, plane_inputs, predict_plane, regime_scores, scores
+from spab_core.committee import Prediction, exponent_scores, plane_inputs, predict_plane, scores
 from spab_core.design import InputError
+from spab_core.evaluation import f1
 from spab_core.oracles import map_oracle
 from spab_core.refine import START, refine
 from spab_core.stability_map import StabilityMap
@@ -103,9 +104,8 @@ def _model_scores(m: StabilityMap, name: str, solved: np.ndarray, cells: np.ndar
     known = solved & np.isfinite(m.mle.ravel())
     surrogate = train(MODELS[name], np.column_stack([number, mass])[known], m.mle.ravel()[known], seed)
     predicted = surrogate.predict(number, mass)
-    said = np.where(predicted > CHAOTIC_MLE, "chaotic", "")
     return (*exponent_scores(m, predicted, cells).values(), np.nan,  # exponents alone do not tell periodic from quasi-periodic
-            regime_scores(m.regime.ravel()[cells], said[cells])["chaos_f1"])
+            f1(m.regime.ravel()[cells] == "chaotic", predicted[cells] > CHAOTIC_MLE))
 
 
 def load_learning_curve(path: Path = LEARNING_CURVE) -> pd.DataFrame:

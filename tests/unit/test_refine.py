@@ -22,10 +22,10 @@ from spab_core.committee import (
     exponent_scores,
     plane_inputs,
     predict_plane,
-    regime_scores,
     scores,
 )
 from spab_core.design import InputError
+from spab_core.evaluation import regime_scores
 from spab_core.features import shipped_table
 from spab_core.oracles import CHUNK, live_oracle, map_oracle
 from spab_core.point import solve_point
@@ -230,8 +230,9 @@ def test_exponent_scores_by_hand():
 def test_regime_scores_by_hand():
     truth = np.array(["chaotic", "chaotic", "periodic", "quasi-periodic", ""])
     said = np.array(["chaotic", "periodic", "chaotic", "quasi-periodic", ""])
-    assert regime_scores(truth, said) == {"accuracy": 0.6, "chaos_f1": 0.5}
+    assert regime_scores(truth, said) == {"regime_accuracy": 0.6, "chaos_f1": 0.5}
     assert np.isnan(regime_scores(truth[2:4], said[3:4].repeat(2))["chaos_f1"])
+    assert all(np.isnan(value) for value in regime_scores(truth[:0], said[:0]).values())
 
 
 def test_the_committee_predicts_between_samples_and_doubts_far_from_them():
