@@ -51,7 +51,7 @@ async def journey(browser, address, shift):
         found.setdefault(action, []).append(time.perf_counter() - began)
 
     context = await browser.new_context(viewport={"width": 1440, "height": 900})
-    for which in ("first view ever", "first view"):  # the second time the browser has Streamlit's and Plotly's scripts
+    for which in ("first view ever", *["first view"] * 3):  # later ones find the scripts in the browser
         page = await context.new_page()
         began = time.perf_counter()
         await page.goto(address)
@@ -66,7 +66,7 @@ async def journey(browser, address, shift):
 
         await asyncio.gather(verdict(), drawn())
         await page.wait_for_timeout(1000)
-        if which == "first view ever":
+        if len(found.get("first view: verdict", [])) < 3:
             await page.close()
     for mass, number in CLICKS:
         found.setdefault("click to live verdict", []).append(await click_cell(page, mass + 0.3 * shift, number + 0.1 * shift))
@@ -79,7 +79,7 @@ async def journey(browser, address, shift):
         await page.wait_for_timeout(500)
     links = page.locator("[data-testid=stSidebarNavLink]")
     names = [(await links.nth(k).get_attribute("href")).rstrip("/").rpartition("/")[2] for k in range(await links.count())]
-    for _ in range(2):
+    for _ in range(3):
         for k in [*range(1, len(names)), 0]:
             old = await page.locator("[data-testid=stMain] h4").first.inner_text()
             began = time.perf_counter()

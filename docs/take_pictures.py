@@ -1,6 +1,7 @@
 """Pictures of the dashboard, taken in real Chromium, for the README and docs: ``make pictures``."""
 
 import io
+import os
 import shutil
 import socket
 import subprocess
@@ -9,6 +10,8 @@ import time
 import urllib.request
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from unittest.mock import patch
 
 from PIL import Image
 from playwright.sync_api import sync_playwright
@@ -79,6 +82,21 @@ def _compare(page):
     page.get_by_text("interval, ").wait_for(timeout=120_000)
 
 
+def _map(page):
+    """On My map: two minutes of a real map."""
+    page.get_by_label("Minutes", exact=True).fill("2")
+    page.get_by_label("Minutes", exact=True).press("Enter")
+    settled(page)
+    page.get_by_role("button", name="Map this bearing").click()
+    page.get_by_text("Solve this point").wait_for(timeout=300_000)
+
+
+def _what_if(page):
+    """On What if: how the margin moves with the drawing."""
+    page.get_by_role("button", name="Compute the sensitivity").click()
+    page.locator(".stPlotlyChart").first.wait_for(timeout=300_000)
+
+
 def shoot(page, path):
     """A screenshot in 256 colours: a third of the bytes, and no difference to be seen."""
     page.mouse.move(0, 0)
@@ -89,17 +107,18 @@ def shoot(page, path):
 
 
 POINT = "bearing_number=4.5&rotor_mass=18"  # of the pictures: in the chaotic band
-BEFORE = {"surrogate_map": _compare}
+OWN = "bearing_number=3.45&rotor_mass=4.52&bearing.clearance=3e-05"  # of those of one's own bearing
+BEFORE = {"surrogate_map": _compare, "my_map": _map, "what_if": _what_if}
 
 
 def main(wanted):
     target = ROOT / "docs" / "pictures"
     target.mkdir(exist_ok=True)
-    with dashboard() as address, browser_page() as page:
+    with TemporaryDirectory() as jobs, patch.dict(os.environ, SPAB_JOBS=jobs), dashboard() as address, browser_page() as page:
         for name, place in pages().items():
             if wanted and name not in wanted:
                 continue
-            page.goto(f"{address}/{place}?{POINT}")
+            page.goto(f"{address}/{place}?{OWN if name in ('my_map', 'my_bearing', 'what_if') else POINT}")
             settled(page)
             if name in BEFORE:
                 BEFORE[name](page)
