@@ -72,6 +72,10 @@ if found:
             st.warning("The chosen point lies outside this map.")
         else:
             (st.success if at.stable else st.error)(at.headline())
+            cell = m.nearest(state["rotor_mass"], state["bearing_number"])
+            if not refined.solved[cell]:
+                st.caption(f"The cell of this point is predicted, not solved: probability of instability "
+                           f"{100 * refined.unstable[cell]:.0f} %. Solving the point settles it.")
             st.markdown("\n".join(f"- {text}" for text in at.sentences()))
         share = own_map.shares(found)
         cells = st.columns(4)

@@ -12,7 +12,7 @@ from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.ui.downloads import downloads
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.lines import line_command, line_of_job
-from spab_core.ui.shared import errors_in_words, live_point, page_head
+from spab_core.ui.shared import digits, errors_in_words, live_point, page_head
 from spab_core.ui.view import chosen_design, design_option, design_words
 from spab_core.what_if import AXES, SCAN, STEPS, load_sensitivity, regime_intervals
 
@@ -42,13 +42,12 @@ def change_the_drawing() -> None:
         if job:
             base, table = load_sensitivity(job.result)
             unit = "rpm" if axis == "speed" else "kg"
-            sides = [f"{word} {value:,.4g} {unit}" for word, value in (("down to", base.below), ("up to", base.above))
+            sides = [f"{word} {digits(value)} {unit}" for word, value in (("down to", base.below), ("up to", base.above))
                      if value == value]
+            where = f"{'Stable' if base.stable else 'Unstable'} at {digits(base.at)} {unit}"
+            sought = f"from {digits(base.low)} to {digits(base.high)} {unit}."
             (st.success if base.stable else st.error)(
-                f"{'Stable' if base.stable else 'Unstable'} at {base.at:,.4g} {unit}, {' and '.join(sides)}; sought from "
-                f"{base.low:,.4g} to {base.high:,.4g} {unit}." if sides else
-                f"{'Stable' if base.stable else 'Unstable'} at {base.at:,.4g} {unit} and everywhere from {base.low:,.4g} to "
-                f"{base.high:,.4g} {unit}.")
+                f"{where}, {' and '.join(sides)}; sought {sought}" if sides else f"{where} and everywhere {sought}")
             figure = tornado_figure(base, table)
             st.plotly_chart(figure, key="tornado", width="stretch")
             shown = table.assign(factor=100.0 * (table["factor"] - 1.0), distance=100.0 * table["distance"],

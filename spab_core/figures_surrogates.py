@@ -53,6 +53,8 @@ def surrogate_figure(m: StabilityMap, predicted: PredictedMap, marked: tuple[flo
         figure.add_heatmap(x=m.bearing_number, y=m.rotor_mass, z=z.T.astype(np.float32), coloraxis=axis, row=1, col=k,
                            hovertemplate="Λ %{x:.3f}, %{y:.2f} kg: %{z:.3f}<extra></extra>")
         figure.update_xaxes(title=BEARING_NUMBER_LABEL, showgrid=False, row=1, col=k)
+    told = np.where(predicted.trained, "trained on", np.where(np.isnan(error), "no exponent", np.char.mod("%.3f", error)))
+    figure.data[-1].update(text=told.T, hovertemplate="Λ %{x:.3f}, %{y:.2f} kg: %{text}<extra></extra>")
     figure.update_yaxes(showgrid=False)
     figure.update_yaxes(title=MASS_LABEL, row=1, col=1)
     if marked is not None:

@@ -37,8 +37,8 @@ def tornado_figure(base: Margin, table: pd.DataFrame) -> go.Figure:
         reach = 100.0 * rows["distance"].to_numpy()
         figure.add_bar(y=names, x=reach - start, base=start, orientation="h", name=label, marker={"color": colour},
                        customdata=np.column_stack([reach, rows["below"], rows["above"]]),
-                       hovertemplate=f"%{{y}} {label}: margin %{{customdata[0]:.1f}} %<br>borders at %{{customdata[1]:,.4g}}"
-                                     f" and %{{customdata[2]:,.4g}} {_UNITS[base.axis]}<extra></extra>")
+                       hovertemplate=f"%{{y}} {label}: margin %{{customdata[0]:.1f}} %<br>borders at %{{customdata[1]:,.4r}}"
+                                     f" and %{{customdata[2]:,.4r}} {_UNITS[base.axis]}<extra></extra>")
     figure.add_vline(x=start, line={"color": NEUTRAL, "width": 1})
     figure.add_vline(x=0.0, line={"color": SECTION, "dash": "dash", "width": 1})
     return figure.update_layout(

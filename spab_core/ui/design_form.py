@@ -21,6 +21,7 @@ from spab_core.form import (
 )
 from spab_core.presets import PRESETS
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.ui.shared import digits
 from spab_core.ui.view import chosen_design, set_design, set_point
 
 _USUAL = to_form(reference_design())
@@ -182,7 +183,7 @@ def design_form() -> None:
     a.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%g",
                    help="Whole rotor mass that one bearing carries")
     b.number_input("Shaft speed, rpm", value=None, key="my_rpm", step=100.0, format="%g", on_change=_speed_typed,
-                   help="From {:,.4g} to {:,.4g} rpm".format(*(design.speed_rpm(v) for v in BEARING_NUMBER_RANGE)))
+                   help="From {} to {} rpm".format(*(digits(design.speed_rpm(v)) for v in BEARING_NUMBER_RANGE)))
     c.number_input("or bearing number Λ", *BEARING_NUMBER_RANGE, key="bearing_number", step=0.05, format="%.4g",
                    help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
     for tab, group in zip(st.tabs(list(GROUPS)), GROUPS, strict=True):

@@ -141,6 +141,11 @@ def map_margin(rotor_mass: float, bearing_number: float) -> str:
     return "\n".join([f"**{found.headline()}**", "", *(f"- :small[{text}]" for text in told)])
 
 
+def digits(value: float) -> str:
+    """Four significant digits; from a thousand on all digits before the point, and none after it."""
+    return f"{value:,.0f}" if abs(value) >= 1000.0 else f"{value:.4g}"
+
+
 def page_link(name: str, label: str) -> None:
     """A link to the page ``pages/<number>_<name>.py``; nothing where there is no such page."""
     context = get_script_run_ctx()
