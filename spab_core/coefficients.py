@@ -17,20 +17,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from spab_core.design import Design, InputError, check_number
 from spab_core.film import DEFAULT_MESH, Mesh, build_film, film_index, film_size
+from spab_core.floquet import one_thread
+from spab_core.kernels import slope_and_jacobian
 from spab_core.rotor import build_rotor
-from spab_core.stability import Equilibrium, linear_spectrum, slope_and_jacobian, static_equilibrium
+from spab_core.stability import Equilibrium, linear_spectrum, static_equilibrium
 
 WHIRL_RANGE = (0.0, 1000.0)  # whirl frequency over the shaft speed
 LEAST_STABLE = "least-stable"  # in place of a whirl ratio: that of the rotor itself
 SLOWEST_WHIRL = 1e-6  # likewise; below it nothing oscillates
 NAMES = tuple(f"{kind}{i}{j}" for kind in "kc" for i in "xy" for j in "xy")  # the order of ROSS and of tables here
-
-
-one_thread = threadpool_limits.wrap(limits=1, user_api="blas")  # matrices of 200 rows: more threads only wait for each other
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,8 @@ from dataclasses import dataclass, field, fields
 from importlib import resources
 from pathlib import Path
 
+MAX_FEEDING_NUMBER = 1e6  # far below, the wall holds the whole film at the supply pressure
+
 
 class InputError(ValueError):
     """Something a person gave is wrong; the message is a sentence that says what, and what is allowed."""
@@ -79,13 +81,17 @@ class _Checked:
 
 @dataclass(frozen=True)
 class Bearing(_Checked):
-    """The spherical band |latitude| <= edge_latitude and its porous wall."""
+    """The spherical band |latitude| <= edge_latitude and its porous wall.
 
-    radius: float = _number(0.060, "m", 1e-4, 10.0, "sphere radius R")
-    clearance: float = _number(35e-6, "m", 1e-7, 1e-2, "radial clearance C")
+    Real ones leave room to the limits: clearances of 3 to 100 µm on radii of 5 to 300 mm, walls of carbon or bronze of 1 to
+    20 mm with permeabilities of 1e-16 to 1e-12 m2, feeding numbers of 0.01 to 1e4.
+    """
+
+    radius: float = _number(0.060, "m", 1e-3, 1.0, "sphere radius R")
+    clearance: float = _number(35e-6, "m", 1e-6, 1e-3, "radial clearance C")
     edge_latitude: float = _number(30.0, "deg", 1.0, 89.5, "latitude of the open edges")
-    permeability: float = _number(1.44e-15, "m2", 0.0, 1e-9, "permeability of the porous wall")
-    wall_thickness: float = _number(4.5e-3, "m", 1e-6, 1.0, "thickness of the porous wall")
+    permeability: float = _number(1.44e-15, "m2", 0.0, 1e-11, "permeability of the porous wall")
+    wall_thickness: float = _number(4.5e-3, "m", 1e-4, 0.1, "thickness of the porous wall")
     supply_pressure_ratio: float = _number(1.0, "", 0.1, 100.0, "supply pressure over ambient (1: open to ambient)")
 
     def __post_init__(self):
@@ -93,25 +99,33 @@ class Bearing(_Checked):
         if self.clearance > 0.05 * self.radius:
             raise DesignError(f"bearing.clearance = {self.clearance:g} m is out of range: the thin-film equation needs "
                               f"at most a twentieth of the radius, {0.05 * self.radius:g} m")
+        if not self.feeding_number <= MAX_FEEDING_NUMBER:
+            raise DesignError(f"bearing.permeability = {self.permeability:g} m2 is out of range for this radius, clearance and "
+                              f"wall thickness: the feeding number 6 kappa R²/(H_p C³) would be {self.feeding_number:.3g}; "
+                              f"allowed is at most {MAX_FEEDING_NUMBER:g}")
+
+    @property
+    def feeding_number(self) -> float:
+        """Porous feeding number beta = 6 kappa R² / (H_p C³)."""
+        return 6.0 * self.permeability * self.radius**2 / (self.wall_thickness * self.clearance**3)
 
 
 @dataclass(frozen=True)
 class Gas(_Checked):
     """The isothermal ideal gas around the bearing."""
 
-    viscosity: float = _number(1.85e-5, "Pa s", 1e-7, 1e-2, "dynamic viscosity")
-    ambient_pressure: float = _number(101325.0, "Pa", 1.0, 1e8, "ambient pressure p_a")
+    viscosity: float = _number(1.85e-5, "Pa s", 1e-6, 1e-3, "dynamic viscosity")
+    ambient_pressure: float = _number(101325.0, "Pa", 1e3, 1e8, "ambient pressure p_a")
 
 
 @dataclass(frozen=True)
 class Rotor(_Checked):
     """Disc and journal on an elastic shaft; the rotor mass itself is an operating parameter."""
 
-    shaft_stiffness: float = _number(5.0e7, "N/m", 0.0, 1e15, "shaft stiffness (inf: rigid rotor)",
-                                     infinite=True, open_low=True)
-    journal_mass_fraction: float = _number(0.2, "", 1e-3, 0.999, "share of the rotor mass that rides in the journal")
-    unbalance_eccentricity: float = _number(13e-6, "m", 0.0, 1e-2, "eccentricity of the disc's mass centre")
-    gravity: float = _number(9.81, "m/s2", 0.0, 1e4, "gravity, along -Y")
+    shaft_stiffness: float = _number(5.0e7, "N/m", 1e3, 1e12, "shaft stiffness (inf: rigid rotor)", infinite=True)
+    journal_mass_fraction: float = _number(0.2, "", 0.01, 0.99, "share of the rotor mass that rides in the journal")
+    unbalance_eccentricity: float = _number(13e-6, "m", 0.0, 1e-3, "eccentricity of the disc's mass centre")
+    gravity: float = _number(9.81, "m/s2", 0.0, 1e3, "gravity, along -Y")
 
 
 @dataclass(frozen=True)
@@ -158,9 +172,8 @@ class Design:
 
     @property
     def feeding_number(self) -> float:
-        """Porous feeding number beta = 6 kappa R² / (H_p C³)."""
-        b = self.bearing
-        return 6.0 * b.permeability * b.radius**2 / (b.wall_thickness * b.clearance**3)
+        """Porous feeding number beta (:class:`Bearing`)."""
+        return self.bearing.feeding_number
 
     @property
     def shaft_stiffness_number(self) -> float:

@@ -5,6 +5,9 @@ After some revolutions few modes are left, and consecutive tangents satisfy a li
 multipliers (Krylov, 1931: the same idea as Arnoldi's method and dynamic mode decomposition). An orbit that repeats and whose
 multipliers lie inside the unit circle attracts: running on cannot change the answer, so the run may stop. One with a
 multiplier outside is unstable: no rotor stays there, and a run that came close is pushed off (:func:`push`).
+
+Vibrations far faster than the rotation (:func:`swift_mode`) are damped by long implicit steps; their rates are those of the
+linearised system as it stands, which such a vibration outruns.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 MAX_PERIOD = 16
 CHECK_EVERY = 12  # revolutions
@@ -23,7 +27,10 @@ UNSTABLE = 0.001  # rate per revolution from which on a repeating orbit is calle
 PUSH = 0.05  # off an unstable orbit: displacement over C, and relative change of the gas content
 _ORDERS = 4  # most modes told apart
 _FITS = 4  # successive tangents that must obey the same recurrence
+SWIFT = 10.0  # over the shaft speed: frequency from which on steps need not follow a vibration
 MEMORY = MAX_PERIOD * (_FITS + 1)  # tangents worth keeping
+
+one_thread = threadpool_limits.wrap(limits=1, user_api="blas")  # matrices of 200 rows: more threads only wait for each other
 
 
 @dataclass(frozen=True)
@@ -196,6 +203,25 @@ def strong_rate(tangent: np.ndarray, growth: np.ndarray, period: int) -> Settled
     if rate is None or before is None or abs(rate - mean) > 0.1 * abs(mean):
         return Settled(period, mean, float(growth[len(growth) // 2:].std(ddof=1) / math.sqrt(len(growth) / 2)))
     return Settled(period, rate, abs(rate - before))
+
+
+@one_thread
+def swift_mode(jacobian: np.ndarray) -> complex | None:
+    """The least damped eigenvalue, per unit tau, that vibrates more than :data:`SWIFT` times as fast as the shaft turns.
+
+    Parameters
+    ----------
+    jacobian : ndarray, (n, n)
+        Of the whole system at one instant (:func:`spab_core.kernels.slope_and_jacobian`).
+
+    Returns
+    -------
+    complex or None
+        None where there is none.
+    """
+    values = np.linalg.eigvals(jacobian)
+    swift = values[values.imag > SWIFT]
+    return complex(swift[swift.real.argmax()]) if len(swift) else None
 
 
 def push(state: np.ndarray, tangent: np.ndarray) -> None:

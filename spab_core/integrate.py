@@ -44,8 +44,10 @@ STATUS = ("ok", "touchdown", "step-too-small", "too-many-steps")
 STATUS_TEXT = {
     "ok": "the run completed",
     "touchdown": "the journal touched the wall",
-    "step-too-small": "the step fell below its limit: the film may have lost all gas; try a finer mesh",
-    "too-many-steps": "a revolution took too many steps; try method rodas or a larger tolerance",
+    "step-too-small": "the step fell below its limit: somewhere near the wall the film lost all gas; a finer mesh may help, "
+                      "else less load, unbalance or suction",
+    "too-many-steps": "a revolution takes too many steps: rotor and film vibrate, or bounce on the wall, far faster than the "
+                      "shaft turns; method rodas takes the fewest",
 }
 
 DEFAULT_TOLERANCE = 1.5e-3

@@ -12,9 +12,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
-from spab_core.film import Film, film_size
-from spab_core.rotor import ROTOR_STATES
+from spab_core.film import Film, film_index, film_size
+from spab_core.rotor import ROTOR_STATES, RotorCoefficients
 from spab_core.rows import apply, following, near, opposite, preceding, turned
 from spab_core.simd import HALF, WIDTH, aligned_zeros, inner, kernel, splat, vload, vmin, vstore, vsum
 
@@ -433,3 +434,42 @@ def error_norm(system, work, new, error):
     if not new[n] * new[n] + new[n + 1] * new[n + 1] < 1.0:
         return math.inf
     return worst
+
+
+def unknown_places(film: Film, rigid: bool) -> np.ndarray:
+    """Positions in the state vector that really are unknowns: no padded cells, no disc for a rigid rotor."""
+    n = film_size(film)
+    return np.concatenate([film_index(film).ravel(), n + np.array([0, 1, 4, 5] if rigid else range(ROTOR_STATES))])
+
+
+def slope_and_jacobian(film: Film, rotor: RotorCoefficients, state: np.ndarray,
+                       columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Slope and its derivative with respect to the states at ``columns``, by the compiled tangent.
+
+    Returns
+    -------
+    slope : ndarray, (n,)
+    jacobian : ndarray, (n, len(columns))
+
+    Raises
+    ------
+    ValueError
+        Where the journal is outside the clearance.
+    """
+    n = len(state)
+    out, transposed = np.zeros(n), np.empty((len(columns), n))
+    if not fill_jacobian((film, rotor), state, columns, build_work(film), out, transposed):
+        raise ValueError("the journal is outside the clearance")
+    return out, transposed.T
+
+
+@njit(cache=True, nogil=True)
+def fill_jacobian(system, state, columns, work, out, transposed):
+    """Slope, and one row of ``transposed`` for each column of the Jacobian asked for."""
+    direction = np.zeros(state.size)
+    for k in range(columns.size):
+        direction[columns[k]] = 1.0
+        if not slope_tangent(system, 0.0, state, direction, work, out, transposed[k]):
+            return False
+        direction[columns[k]] = 0.0
+    return True

@@ -12,26 +12,46 @@ import numpy as np
 
 from spab_core.design import Design, DesignError, check_number
 from spab_core.film import DEFAULT_MESH, SCHEMES, Mesh, build_film, film_size, parse_mesh
-from spab_core.floquet import CHECK_EVERY, MEMORY, Settled, find_settled, is_near, push, repeating_period, strong_rate, window
+from spab_core.floquet import (
+    CHECK_EVERY,
+    MEMORY,
+    SWIFT,
+    UNSTABLE,
+    Settled,
+    find_settled,
+    is_near,
+    push,
+    repeating_period,
+    strong_rate,
+    swift_mode,
+    window,
+)
 from spab_core.integrate import (
     DEFAULT_TOLERANCE,
+    MAX_STEP,
     METHODS,
     OK,
     REVOLUTION,
     STATUS,
+    TOO_MANY_STEPS,
     Options,
     Record,
     advance,
     build_memory,
     build_record,
 )
-from spab_core.rotor import RAMP_REVOLUTIONS, ROTOR_STATES, build_rotor
+from spab_core.kernels import slope_and_jacobian, unknown_places
+from spab_core.rotor import RAMP_REVOLUTIONS, ROTOR_STATES, RotorCoefficients, build_rotor
 
 ROTOR_MASS_RANGE = (1e-3, 1e3)  # kg
 BEARING_NUMBER_RANGE = (0.01, 50.0)
 ALIGNMENT = 100  # last revolutions of the transient (at most half of it) in which the tangent already runs: on a sheared
 # torus it grows like the time, which leaves a bias of ln(1 + T/a)/T after T measured and a aligning revolutions
 STRONG, FINE_STEPS = -2.0, 768  # rate per revolution under which the tangent is measured again, at so many steps a revolution
+THIN, BUSY, FINER = 0.96, 400, 16.0  # eccentricity, or steps a revolution, from which on, and where a run fails, the tolerance
+# is divided by FINER: it is over the clearance, not over the film, and a vibration of many steps adds up the errors of each
+MOST_STEPS = 10_000  # a revolution, at the default tolerance
+PHASES, PER_SWING = 4, 12  # instants of a revolution at which swift vibrations are sought; steps for one swing of a growing one
 _ATTENTION = 50  # last revolutions of a run without a check: recording paths there must not change where the run stops
 
 Progress = Callable[[int], None]
@@ -169,11 +189,25 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
     DesignError
         For an operating point out of range, or a start that does not fit the mesh.
     """
-    settings = settings or Settings()
     check_point(rotor_mass, bearing_number)
+    given = (design, rotor_mass, bearing_number, settings or Settings(), path_revolutions, samples, start, progress)
+    found, growing = _run(*given, MAX_STEP)
+    if growing:  # a vibration that long steps have damped away
+        steps = 2.0 ** math.ceil(math.log2(PER_SWING * growing))
+        if steps > MOST_STEPS:
+            return dataclasses.replace(found, status=STATUS[TOO_MANY_STEPS], settled=None)
+        found, _ = _run(*given, REVOLUTION / steps)
+    return found
+
+
+def _run(design: Design, rotor_mass: float, bearing_number: float, settings: Settings, path_revolutions: int, samples: int,
+         start: np.ndarray | None, progress: Progress | None, max_step: float) -> tuple[Trajectory, float]:
+    """:func:`simulate` with steps of at most ``max_step``; and the frequency, over the shaft speed, of a growing vibration that
+    they cannot follow, 0 for none."""
     began = time.perf_counter()
     film = build_film(design, bearing_number, settings.mesh, settings.scheme)
-    system = (film, build_rotor(design, rotor_mass, bearing_number))
+    rotor = build_rotor(design, rotor_mass, bearing_number)
+    system = (film, rotor)
     memory = build_memory(film, settings.method)
     before = 0  # revolutions that the start has behind it: the load is raised over the first ones
     if start is not None:
@@ -190,12 +224,23 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
     records: list[Record] = []  # of the chunks so far
     first_tangent = total  # first revolution with a tangent
     settled, rates, pushed = None, dict[int, float](), False
+    implicit, careful, growing = settings.method == "rodas", False, 0.0
+    share = (DEFAULT_TOLERANCE / tolerance) ** 0.25  # of steps, over those at the default tolerance
+    limits = {"max_step": max_step, "max_steps": int(MOST_STEPS * share)} if implicit else {}
 
     def run(count, keep=False, **more):
-        nonlocal done, status
-        record = build_record(count, samples if keep else 0, film_size(film) + ROTOR_STATES if tangent else 0)
-        options = Options(METHODS.index(settings.method), tolerance, tangent=tangent, **more)
-        status, completed = advance(system, memory, options, before + done, count, record)
+        nonlocal done, status, tolerance, careful
+        at_first = memory.state.copy(), memory.tangent.copy(), memory.control[1]
+        while True:
+            record = build_record(count, samples if keep else 0, film_size(film) + ROTOR_STATES if tangent else 0)
+            options = Options(METHODS.index(settings.method), tolerance, tangent=tangent, **(limits | more))
+            status, completed = advance(system, memory, options, before + done, count, record)
+            busy = implicit and memory.control[1] - at_first[2] > BUSY * share * count
+            if careful or more or status == TOO_MANY_STEPS or not (status != OK or busy or record.peak.max() > THIN):
+                break
+            careful, tolerance = True, tolerance / FINER  # these revolutions once more, and all that follow
+            memory.state[:], memory.tangent[:] = at_first[:2]
+            memory.control[0] = memory.control[3] = 0.0  # the step is sought anew
         done += completed
         records.append(Record(*(a[:completed] for a in record)))
         if progress:
@@ -236,11 +281,21 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
         rate = settled.rate if settled else last("growth", measured).mean()
         period = repeating_period(last("section", 3 * MEMORY)) if rate < STRONG else None
         if period is not None:  # its leading modes swing many times a step, and die too fast to be worth short ones before
-            run(2 * CHECK_EVERY, max_step=REVOLUTION / FINE_STEPS, fixed=True)
+            run(2 * CHECK_EVERY, max_step=min(max_step, REVOLUTION / FINE_STEPS), fixed=True)
             memory.control[0] = memory.control[3] = 0.0
             if status == OK:
                 settled = strong_rate(records[-1].tangent, records[-1].growth, period)
                 measured = window(settled.period)
+    if implicit and settings.early_stop and status == OK and (settled or measured) and _may_be_swift(design, rotor):
+        rate = settled.rate if settled else last("growth", measured).mean()
+        period = settled.period if settled else repeating_period(last("section", 3 * MEMORY))
+        swift = _swift_rate(system, memory, design.rigid, tolerance, before + done) if period is not None else None
+        if swift and swift[0] > rate - (3.0 * settled.error if settled else 0.0):
+            if swift[0] < UNSTABLE:
+                settled = Settled(period, *swift[:2])
+                measured = window(period)
+            elif max_step == MAX_STEP:
+                growing = swift[2]
     if kept and status == OK:
         run(kept, keep=True)
         measured += len(records[-1].section)
@@ -250,8 +305,37 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
     if design.rigid:  # the disc is the journal
         for array in (arrays["section"], path):
             array[..., 2:4], array[..., 6:8] = array[..., 0:2], array[..., 4:6]
-    return Trajectory(STATUS[status], done, arrays["section"], growth, arrays["contact"] / REVOLUTION, arrays["peak"], path,
-                      int(memory.control[1]), time.perf_counter() - began, memory.state.copy(), settled)
+    found = Trajectory(STATUS[status], done, arrays["section"], growth, arrays["contact"] / REVOLUTION, arrays["peak"], path,
+                       int(memory.control[1]), time.perf_counter() - began, memory.state.copy(), settled)
+    return found, growing
+
+
+def _may_be_swift(design: Design, rotor: RotorCoefficients) -> bool:
+    """Whether a vibration can be :data:`floquet.SWIFT` and not die at once: only a supply feeds it, film and shaft carry it."""
+    supply = design.bearing.supply_pressure_ratio
+    stiffness = 4.0 * max(supply, 1.0) * rotor.inverse_mass + rotor.coupling_journal + rotor.coupling_disc  # a generous bound
+    return supply != 1.0 and stiffness > SWIFT**2
+
+
+def _swift_rate(system, memory, rigid, tolerance, first) -> tuple[float, float, float] | None:
+    """Rate per revolution of the least damped swift vibration on a periodic orbit, its error, and its frequency; or None.
+
+    The mean over the instants of the next revolution; the error is how far the mean of every other one is from it.
+    """
+    film, rotor = system
+    places, state, found = unknown_places(film, rigid), memory.state.copy(), []
+    options = Options(0, tolerance, period=REVOLUTION / PHASES)
+    for k in range(PHASES):
+        mode = swift_mode(slope_and_jacobian(film, rotor, memory.state, places)[1][places])
+        status, _ = advance(system, memory, options, PHASES * first + k, 1, build_record(1, 0))
+        if mode is None or status != OK:
+            found = []
+            break
+        found.append(mode)
+    memory.state[:] = state
+    memory.control[0] = memory.control[3] = 0.0
+    rates = 2.0 * math.pi * np.array([mode.real for mode in found])
+    return (float(rates.mean()), float(abs(rates[::2].mean() - rates.mean())), found[0].imag) if found else None
 
 
 def path_angle(trajectory: Trajectory) -> np.ndarray:

@@ -9,11 +9,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from spab_core.design import Design, InputError
-from spab_core.film import DEFAULT_MESH, Film, Mesh, build_film, film_index, film_size
-from spab_core.kernels import build_work, slope_tangent
+from spab_core.film import DEFAULT_MESH, Film, Mesh, build_film, film_size
+from spab_core.kernels import slope_and_jacobian, unknown_places
 from spab_core.rotor import ROTOR_STATES, RotorCoefficients, build_rotor
 
 THRESHOLD_RANGE = (1e-2, 1e2)  # kg, searched for the whirl threshold
@@ -62,12 +61,6 @@ class Threshold:
     stable_side: str
 
 
-def _unknowns(film: Film, rigid: bool) -> np.ndarray:
-    """Positions in the state vector that really are unknowns: no padded cells, no disc for a rigid rotor."""
-    n = film_size(film)
-    return np.concatenate([film_index(film).ravel(), n + np.array([0, 1, 4, 5] if rigid else range(ROTOR_STATES))])
-
-
 def _dense_film(design: Design, bearing_number: float, mesh: Mesh) -> Film:
     """The film, where its mesh is small enough for dense linear algebra; raises :class:`InputError` otherwise."""
     cells = mesh[0] * mesh[1]
@@ -80,39 +73,6 @@ def _without_unbalance(rotor: RotorCoefficients) -> RotorCoefficients:
     return rotor._replace(unbalance_disc=0.0, unbalance_journal=0.0, ramp=0.0)
 
 
-def slope_and_jacobian(film: Film, rotor: RotorCoefficients, state: np.ndarray,
-                       columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Slope and its derivative with respect to the states at ``columns``, by the compiled tangent.
-
-    Returns
-    -------
-    slope : ndarray, (n,)
-    jacobian : ndarray, (n, len(columns))
-
-    Raises
-    ------
-    ValueError
-        Where the journal is outside the clearance.
-    """
-    n = len(state)
-    out, transposed = np.zeros(n), np.empty((len(columns), n))
-    if not fill_jacobian((film, rotor), state, columns, build_work(film), out, transposed):
-        raise ValueError("the journal is outside the clearance")
-    return out, transposed.T
-
-
-@njit(cache=True, nogil=True)
-def fill_jacobian(system, state, columns, work, out, transposed):
-    """Slope, and one row of ``transposed`` for each column of the Jacobian asked for."""
-    direction = np.zeros(state.size)
-    for k in range(columns.size):
-        direction[columns[k]] = 1.0
-        if not slope_tangent(system, 0.0, state, direction, work, out, transposed[k]):
-            return False
-        direction[columns[k]] = 0.0
-    return True
-
-
 def _concentric(film: Film) -> np.ndarray:
     state = np.zeros(film_size(film) + ROTOR_STATES)
     state[: film_size(film)] = 1.0
@@ -122,7 +82,7 @@ def _concentric(film: Film) -> np.ndarray:
 def concentric_state(film: Film, rotor: RotorCoefficients) -> np.ndarray:
     """Steady film of the centred, unloaded journal: Newton's method from P = 1."""
     state = _concentric(film)
-    cells = _unknowns(film, True)[:-4]
+    cells = unknown_places(film, True)[:-4]
     for _ in range(_NEWTON_STEPS):
         value, jacobian = slope_and_jacobian(film, rotor, state, cells)
         step = np.linalg.solve(jacobian[cells], value[cells])
@@ -153,7 +113,7 @@ def concentric_stiffness(design: Design, bearing_number: float, mesh: Mesh = DEF
     rotor = _without_unbalance(build_rotor(design.replace(rotor__gravity=0.0), 1.0, bearing_number))
     rotor = rotor._replace(contact_force=0.0)
     state = concentric_state(film, rotor)
-    cells, n = _unknowns(film, True)[:-4], film_size(film)
+    cells, n = unknown_places(film, True)[:-4], film_size(film)
     _, jacobian = slope_and_jacobian(film, rotor, state, np.append(cells, n))
     response = np.linalg.solve(jacobian[cells][:, :-1], -jacobian[cells, -1])
     force = (jacobian[n + 4:n + 6, :-1] @ response + jacobian[n + 4:n + 6, -1]) / rotor.inverse_mass
@@ -184,7 +144,7 @@ def static_equilibrium(design: Design, rotor_mass: float, bearing_number: float,
     """
     film = _dense_film(design, bearing_number, mesh)
     rotor = _without_unbalance(build_rotor(design, rotor_mass, bearing_number))
-    unknowns, n = _unknowns(film, design.rigid), film_size(film)
+    unknowns, n = unknown_places(film, design.rigid), film_size(film)
     load, done, step = (1.0, 0.0, 1.0) if guess is not None else (0.25, 0.0, 0.25)
     state = guess if guess is not None else concentric_state(film, rotor._replace(gravity_disc=0.0, gravity_journal=0.0))
     while True:
@@ -243,7 +203,7 @@ def linear_spectrum(design: Design, rotor_mass: float, bearing_number: float, me
     equilibrium = static_equilibrium(design, rotor_mass, bearing_number, mesh, guess)
     if equilibrium is None:
         return None
-    unknowns = _unknowns(film, design.rigid)
+    unknowns = unknown_places(film, design.rigid)
     _, jacobian = slope_and_jacobian(film, rotor, equilibrium.state, unknowns)
     values = np.linalg.eigvals(jacobian[unknowns])
     return values[np.argsort(-values.real)], equilibrium
