@@ -17,7 +17,7 @@ import numba
 _PREFIX = "spab-kernels-"
 _ROOM = 50_000_000  # bytes; the kernels take about ten million
 _KERNELS = ("dtm", "film", "integrate", "kernels", "linear", "rotor", "rows", "simd")
-_SOLVER = (*_KERNELS, "design", "floquet", "lyapunov", "point", "regimes", "simulate")
+_SOLVER = (*_KERNELS, "design", "floquet", "lyapunov", "point", "regimes", "simulate", "stability")
 
 
 def _hash(paths) -> str:

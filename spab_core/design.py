@@ -140,10 +140,10 @@ class Contact(_Checked):
     def __post_init__(self):
         super().__post_init__()
         at_centre = self.force_at_closure * math.exp(-1.0 / self.roughness)
-        if at_centre > 1e-6:
+        if at_centre > 1e-9:
             raise DesignError(f"contact.roughness = {self.roughness:g} is out of range for contact.force_at_closure = "
                               f"{self.force_at_closure:g}: the contact force at the centre, f0 exp(-1/s), would be "
-                              f"{at_centre:.2g}; allowed is at most 1e-06")
+                              f"{at_centre:.2g}; allowed is at most 1e-09")
 
 
 @dataclass(frozen=True)

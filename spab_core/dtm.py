@@ -14,7 +14,8 @@ import numpy as np
 from numba import njit
 
 from spab_core.film import Film, film_size
-from spab_core.kernels import CENTRE, error_norm
+from spab_core.kernels import error_norm
+from spab_core.rotor import CENTRE
 from spab_core.rows import apply, following, opposite, preceding, turned
 from spab_core.simd import WIDTH, aligned_zeros, inner, kernel, splat, vload, vstore, vsum
 

@@ -15,11 +15,9 @@ import numpy as np
 from numba import njit
 
 from spab_core.film import Film, film_index, film_size
-from spab_core.rotor import ROTOR_STATES, RotorCoefficients
+from spab_core.rotor import CENTRE, ROTOR_STATES, RotorCoefficients
 from spab_core.rows import apply, following, near, opposite, preceding, turned
 from spab_core.simd import HALF, WIDTH, aligned_zeros, inner, kernel, splat, vload, vmin, vstore, vsum
-
-CENTRE = 1e-9  # below this eccentricity the direction of the contact force has no meaning; the force is left out
 
 
 class Work(NamedTuple):

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from spab_core.design import Design
 
 ROTOR_STATES = 8
+CENTRE = 0.1  # eccentricity under which no asperity is in reach: a force there, however small, would turn with the direction
 RAMP_REVOLUTIONS = 30.0
 
 
@@ -83,9 +84,9 @@ def build_rotor(design: Design, rotor_mass: float, bearing_number: float,
 
 
 def contact_force(rotor: RotorCoefficients, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
-    """Force of the wall on the journal, over p_a R²: -f (1 + d v_r) n - mu_f f t, f = f0 exp(-(1 - e)/s)."""
+    """Force of the wall on the journal, over p_a R²: -f (1 + d v_r) n - mu_f f t, f = f0 exp(-(1 - e)/s); none under CENTRE."""
     e = math.hypot(x, y)
-    if e == 0.0:
+    if e < CENTRE:
         return 0.0, 0.0
     nx, ny = x / e, y / e
     f = rotor.contact_force * math.exp(-(1.0 - e) / rotor.roughness)

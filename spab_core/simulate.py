@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spab_core.design import Design, DesignError, check_number
+from spab_core.design import Design, DesignError, InputError, check_number
 from spab_core.film import DEFAULT_MESH, SCHEMES, Mesh, build_film, film_size, parse_mesh
 from spab_core.floquet import (
     CHECK_EVERY,
@@ -42,6 +42,7 @@ from spab_core.integrate import (
 )
 from spab_core.kernels import slope_and_jacobian, unknown_places
 from spab_core.rotor import RAMP_REVOLUTIONS, ROTOR_STATES, RotorCoefficients, build_rotor
+from spab_core.stability import MAX_DENSE_CELLS, linear_spectrum
 
 ROTOR_MASS_RANGE = (1e-3, 1e3)  # kg
 BEARING_NUMBER_RANGE = (0.01, 50.0)
@@ -51,6 +52,7 @@ STRONG, FINE_STEPS = -2.0, 768  # rate per revolution under which the tangent is
 THIN, BUSY, FINER = 0.96, 400, 16.0  # eccentricity, or steps a revolution, from which on, and where a run fails, the tolerance
 # is divided by FINER: it is over the clearance, not over the film, and a vibration of many steps adds up the errors of each
 MOST_STEPS = 10_000  # a revolution, at the default tolerance
+FASTEST = 1e7  # own vibrations over the shaft speed: from there on rounding of positions alone accelerates the rotor
 PHASES, PER_SWING = 4, 12  # instants of a revolution at which swift vibrations are sought; steps for one swing of a growing one
 _ATTENTION = 50  # last revolutions of a run without a check: recording paths there must not change where the run stops
 
@@ -191,6 +193,10 @@ def simulate(design: Design, rotor_mass: float, bearing_number: float, settings:
     """
     check_point(rotor_mass, bearing_number)
     given = (design, rotor_mass, bearing_number, settings or Settings(), path_revolutions, samples, start, progress)
+    if _out_of_steps(design, rotor_mass, bearing_number, given[3]):
+        film, nothing = build_film(design, bearing_number, given[3].mesh, given[3].scheme), np.empty(0)
+        return Trajectory(STATUS[TOO_MANY_STEPS], 0, np.empty((0, ROTOR_STATES)), nothing, nothing, nothing,
+                          np.empty((0, samples, ROTOR_STATES)), 0, 0.0, build_memory(film).state)
     found, growing = _run(*given, MAX_STEP)
     if growing:  # a vibration that long steps have damped away
         steps = 2.0 ** math.ceil(math.log2(PER_SWING * growing))
@@ -310,11 +316,30 @@ def _run(design: Design, rotor_mass: float, bearing_number: float, settings: Set
     return found, growing
 
 
+def _own_frequency(design: Design, rotor: RotorCoefficients) -> float:
+    """A generous bound of the frequency, over the shaft speed, at which the rotor vibrates on its film and shaft."""
+    film = 4.0 * max(design.bearing.supply_pressure_ratio, 1.0)
+    return math.sqrt(film * rotor.inverse_mass + rotor.coupling_journal + rotor.coupling_disc)
+
+
 def _may_be_swift(design: Design, rotor: RotorCoefficients) -> bool:
-    """Whether a vibration can be :data:`floquet.SWIFT` and not die at once: only a supply feeds it, film and shaft carry it."""
-    supply = design.bearing.supply_pressure_ratio
-    stiffness = 4.0 * max(supply, 1.0) * rotor.inverse_mass + rotor.coupling_journal + rotor.coupling_disc  # a generous bound
-    return supply != 1.0 and stiffness > SWIFT**2
+    """Whether a vibration can be :data:`floquet.SWIFT` and not die at once: only a supply feeds it."""
+    return design.bearing.supply_pressure_ratio != 1.0 and _own_frequency(design, rotor) > SWIFT
+
+
+def _out_of_steps(design: Design, rotor_mass: float, bearing_number: float, settings: Settings) -> bool:
+    """Whether no affordable steps follow the rotor: its own vibration is too fast, or one that grows from rest is."""
+    frequency = _own_frequency(design, build_rotor(design, rotor_mass, bearing_number))
+    if frequency > FASTEST:
+        return True
+    if (PER_SWING * frequency < MOST_STEPS or design.bearing.supply_pressure_ratio == 1.0 or settings.method != "rodas"
+            or settings.mesh.latitude * settings.mesh.azimuth > MAX_DENSE_CELLS):
+        return False
+    try:
+        found = linear_spectrum(design, rotor_mass, bearing_number, settings.mesh)
+    except (InputError, np.linalg.LinAlgError):  # no rest to start from: the run will tell
+        return False
+    return found is not None and any(v.real > UNSTABLE and PER_SWING * v.imag > MOST_STEPS for v in found[0])
 
 
 def _swift_rate(system, memory, rigid, tolerance, first) -> tuple[float, float, float] | None:

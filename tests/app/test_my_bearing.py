@@ -82,8 +82,11 @@ def test_a_wrong_value_is_told_and_changes_nothing(page):
     assert design_of(page) == reference_design()
     type_in(page, "bearing__clearance", None)
     assert "is empty" in page.error[0].value
-    type_in(page, "bearing__clearance", 5000.0)
+    type_in(page, "bearing__radius", 10.0)
+    type_in(page, "bearing__clearance", 600.0)
     assert "twentieth" in page.error[0].value
+    type_in(page, "bearing__clearance", 35.0)
+    type_in(page, "bearing__radius", 60.0)
     type_in(page, "bearing__clearance", 34.0)
     assert not any("stays as it was" in e.value for e in page.error) and design_of(page).bearing.clearance == 34e-6
 

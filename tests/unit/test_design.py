@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from spab_core.design import (
+    MAX_FEEDING_NUMBER,
     Bearing,
     Contact,
     Design,
@@ -61,11 +62,13 @@ def designs(draw):
         return values
     bearing = pick(Bearing)
     bearing["clearance"] = min(bearing["clearance"], 0.05 * bearing["radius"])
+    feeding = 6.0 * bearing["permeability"] * bearing["radius"]**2 / (bearing["wall_thickness"] * bearing["clearance"]**3)
+    bearing["permeability"] *= min(1.0, 0.999 * MAX_FEEDING_NUMBER / max(feeding, 1e-9))
     rotor = pick(Rotor)
     if draw(st.booleans()):
         rotor["shaft_stiffness"] = math.inf
     contact = pick(Contact)
-    contact["force_at_closure"] = min(contact["force_at_closure"], 0.999e-6 * math.exp(min(1.0 / contact["roughness"], 30.0)))
+    contact["force_at_closure"] = min(contact["force_at_closure"], 0.999e-9 * math.exp(min(1.0 / contact["roughness"], 40.0)))
     return Design(Bearing(**bearing), Gas(**pick(Gas)), Rotor(**rotor), Contact(**contact))
 
 
@@ -82,18 +85,19 @@ def test_file_round_trip_and_rigid_rotor(tmp_path):
 
 
 @pytest.mark.parametrize("text, words", [
-    ("[bearing]\nradius = -1", ["bearing.radius", "-1", "0.0001", "10"]),
+    ("[bearing]\nradius = -1", ["bearing.radius", "-1", "0.001", "1 m"]),
     ("[bearing]\nradius = 'x'", ["bearing.radius", "number", "'x'"]),
     ("[bearing]\nradius = nan", ["bearing.radius", "nan"]),
     ("[bearing]\nclearance = inf", ["bearing.clearance", "inf"]),
-    ("[rotor]\nshaft_stiffness = 0", ["rotor.shaft_stiffness", "more than 0", "or inf"]),
+    ("[rotor]\nshaft_stiffness = 0", ["rotor.shaft_stiffness", "from 1000", "or inf"]),
     ("[rotor]\nshaft_stiffness = -inf", ["rotor.shaft_stiffness", "-inf"]),
     ("[bearing]\nradius = true", ["bearing.radius", "True"]),
     ("[bearing]\nradius = 1" + "0" * 400, ["bearing.radius", "inf"]),
     ("[bearing]\nradios = 1", ["radios", "bearing", "radius"]),
     ("[baring]\nradius = 1", ["baring", "bearing"]),
     ("bearing = 3", ["[bearing]", "section"]),
-    ("[bearing]\nradius = 0.0001\nclearance = 0.0001", ["bearing.clearance", "twentieth"]),
+    ("[bearing]\nradius = 0.001\nclearance = 0.0001", ["bearing.clearance", "twentieth"]),
+    ("[bearing]\npermeability = 1e-11\nclearance = 3e-6", ["bearing.permeability", "1e-11 m2", "feeding", "at most 1e+06"]),
     ("[bearing", ["TOML"]),
     ('["a\\nb"]\nc = 1', ["unknown section"]),
     ("[contact]\nroughness = 0.1", ["contact.roughness", "0.1", "centre"]),
