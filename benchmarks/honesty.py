@@ -106,9 +106,8 @@ def gas_lost(point, pieces=PIECES):
     return abs(apart) / (abs(contents[0]) + simpson(sizes, dx=REVOLUTION / pieces))
 
 
-def check(seed):
-    """What a random case does and which promises it breaks: (name of the outcome, list of sentences, gas lost or None)."""
-    design, mass, number = draw(seed)
+def check(design, mass, number):
+    """What a point does and which promises it breaks: (name of the outcome, list of sentences, gas lost or None)."""
     try:
         point, lost = solve(design, mass, number, SETTINGS), None
         status = point.trajectory.status
@@ -160,7 +159,7 @@ def main():
         if start - began > 60.0 * options.minutes:
             print(f"stopped before {seed}: {options.minutes:g} minutes are over")
             break
-        outcome, sentences, lost = check(seed)
+        outcome, sentences, lost = check(*draw(seed))
         slowest = max(slowest, time.perf_counter() - start)
         outcomes[outcome] += 1
         broken += bool(sentences)

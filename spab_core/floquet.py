@@ -207,7 +207,9 @@ def strong_rate(tangent: np.ndarray, growth: np.ndarray, period: int) -> Settled
 
 @one_thread
 def swift_mode(jacobian: np.ndarray) -> complex | None:
-    """The least damped eigenvalue, per unit tau, that vibrates more than :data:`SWIFT` times as fast as the shaft turns.
+    """The least damped eigenvalue, per unit tau, of those more than :data:`SWIFT` times as fast as the shaft turns.
+
+    It vibrates, or falls to the wall where a suction draws the journal.
 
     Parameters
     ----------
@@ -220,7 +222,7 @@ def swift_mode(jacobian: np.ndarray) -> complex | None:
         None where there is none.
     """
     values = np.linalg.eigvals(jacobian)
-    swift = values[values.imag > SWIFT]
+    swift = values[np.abs(values) > SWIFT]
     return complex(swift[swift.real.argmax()]) if len(swift) else None
 
 

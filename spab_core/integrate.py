@@ -46,8 +46,8 @@ STATUS_TEXT = {
     "touchdown": "the journal touched the wall",
     "step-too-small": "the step fell below its limit: somewhere near the wall the film lost all gas; a finer mesh may help, "
                       "else less load, unbalance or suction",
-    "too-many-steps": "a revolution takes too many steps: rotor and film vibrate, or bounce on the wall, far faster than the "
-                      "shaft turns; method rodas takes the fewest",
+    "too-many-steps": "a revolution takes too many steps: rotor and film vibrate, or bounce on or fall to the wall, far faster "
+                      "than the shaft turns; method rodas takes the fewest",
 }
 
 DEFAULT_TOLERANCE = 1.5e-3

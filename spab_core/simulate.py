@@ -360,7 +360,7 @@ def _swift_rate(system, memory, rigid, tolerance, first) -> tuple[float, float, 
     memory.state[:] = state
     memory.control[0] = memory.control[3] = 0.0
     rates = 2.0 * math.pi * np.array([mode.real for mode in found])
-    return (float(rates.mean()), float(abs(rates[::2].mean() - rates.mean())), found[0].imag) if found else None
+    return (float(rates.mean()), float(abs(rates[::2].mean() - rates.mean())), abs(found[0])) if found else None
 
 
 def path_angle(trajectory: Trajectory) -> np.ndarray:

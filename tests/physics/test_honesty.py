@@ -1,28 +1,37 @@
-"""Numbers over the whole allowed ranges: a few of the random designs of benchmarks/honesty.py, which says what is promised.
+"""Numbers over the whole allowed ranges: twenty of the random designs of benchmarks/honesty.py, which says what is promised.
 
 Source of the conservation law: docs/model.md (the discrete Reynolds equation is in flux form). Halving the step needs none:
 the method is of order 4, so that a sixteenth of the tolerance halves the step.
 """
 
+import csv
 import dataclasses
 import importlib.util
+import math
 
 import numpy as np
 import pytest
 
 from spab_core import Settings, solve_point
-from spab_core.integrate import DEFAULT_TOLERANCE
+from spab_core.coefficients import impedance, least_stable_whirl
+from spab_core.design import Design, DesignError
+from spab_core.film import Mesh
+from spab_core.integrate import DEFAULT_TOLERANCE, STATUS
+from spab_core.presets import preset
+from spab_core.simulate import THIN
 from tests.conftest import ROOT
 
 _spec = importlib.util.spec_from_file_location("honesty", ROOT / "benchmarks" / "honesty.py")
 honesty = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(honesty)
-CASES = (25, 26, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37, 38, 39, 40)  # ok, touchdown and step-too-small among them
+CASES = range(60, 80)  # every status among them
+KEPT = ROOT / "tests" / "physics" / "honesty_cases.csv"
+SLOW = ("94", "634", "651")  # ten seconds and more; `benchmarks/honesty.py` has such too
 
 
 @pytest.fixture(scope="module")
 def outcomes():
-    return {case: honesty.check(case) for case in CASES}
+    return {case: honesty.check(*honesty.draw(case)) for case in CASES}
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -31,7 +40,7 @@ def test_a_random_design_keeps_the_promises(outcomes, case):
 
 
 def test_the_cases_are_not_all_of_one_kind(outcomes):
-    assert {"ok", "touchdown", "step-too-small"} <= {name for name, _, _ in outcomes.values()}
+    assert set(STATUS) == {name for name, _, _ in outcomes.values()}
 
 
 def test_gas_that_is_lost_would_be_seen(design, monkeypatch):
@@ -56,18 +65,47 @@ def test_draws_fill_the_ranges():
     masses = np.log10([mass for _, mass, _ in drawn])
     assert masses.min() < -2.7 and masses.max() > 2.7
     assert any(d.rigid for d, _, _ in drawn) and any(d.bearing.permeability == 0.0 for d, _, _ in drawn)
+    assert 40 < sum(d.bearing.supply_pressure_ratio == 1.0 for d, _, _ in drawn) < 80
 
 
-@pytest.mark.parametrize("case", [1])
-def test_where_the_default_tolerance_is_too_coarse_a_finer_one_is_honest(case):
-    """Design 1 bounces on its asperities: chaotic by the default tolerance (docs/reliability.md), not by finer ones."""
-    found = [solve_point(*honesty.draw(case), Settings("4x24", transient=300, revolutions=300, tolerance=tolerance))
-             for tolerance in (DEFAULT_TOLERANCE / 16.0, DEFAULT_TOLERANCE / 256.0)]
-    assert not honesty.compare(*found)
-    assert all(abs(p.mle.value) < 4.0 * p.mle.standard_error for p in found)
+def test_the_designs_that_once_broke_a_promise_are_refused_by_a_sentence_or_keep_it_now():
+    """The twelve of 370 that were wrong and the four too slow (wide-...), when ranges had fifteen decades, and some found
+    in today's ranges before the solver was mended; values written out."""
+    refused, solved = [], {}
+    for row in csv.DictReader(KEPT.read_text("utf-8").splitlines()):
+        parts: dict[str, dict[str, float]] = {}
+        for key, value in row.items():
+            if "." in key:
+                section, _, name = key.partition(".")
+                parts.setdefault(section, {})[name] = float(value)
+        try:
+            design = Design.from_dict(parts)
+        except DesignError as error:
+            assert "out of range" in str(error) and "allowed" in str(error)
+            refused.append(row["case"])
+            continue
+        if row["case"] not in SLOW:
+            solved[row["case"]], broken, _ = honesty.check(design, float(row["rotor_mass"]), float(row["bearing_number"]))
+            assert not broken, row["case"]
+    assert len(refused) == 18 and len(solved) >= 6
+    assert solved["215"] == "too-many-steps" and solved["505"] == "ok"
 
 
-def test_a_run_cut_short_on_the_wall_looks_chaotic_and_a_longer_one_does_not():
-    """Design 47 lies on its asperities and takes more than 80 revolutions to come to rest there (docs/reliability.md)."""
-    point = solve_point(*honesty.draw(47), Settings("4x24", transient=200, revolutions=200))
-    assert point.regime.name != "chaotic" and abs(point.mle.value) < 0.001
+@pytest.mark.parametrize("mass, number", [(4.0, 1.0), (0.2, 5.87)])
+def test_a_vibration_far_faster_than_the_shaft_has_the_rate_of_linear_theory(mass, number):
+    """The fed spindle with little unbalance: eigenvalues at rest (docs/numerics.md). Long steps made -1.338 of -1.034."""
+    design = preset("fed_spindle").design
+    whirl = least_stable_whirl(impedance(design, mass, number, Mesh(4, 24)))
+    assert whirl.imag > 20.0
+    for tolerance in (DEFAULT_TOLERANCE, DEFAULT_TOLERANCE / 16.0):
+        point = solve_point(design, mass, number, Settings("4x24", tolerance=tolerance))
+        assert point.regime.text == "periodic-1"
+        assert point.mle.value == pytest.approx(2.0 * math.pi * whirl.real, rel=0.02)
+
+
+def test_near_the_wall_steps_are_finer(design):
+    """Two loads that press the journal to either side of the eccentricity from which on the tolerance is a sixteenth."""
+    soft = design.replace(contact__force_at_closure=10.0)
+    far, near = (solve_point(soft.replace(rotor__gravity=g), 12.0, 2.0, honesty.SETTINGS).trajectory for g in (60.0, 120.0))
+    assert 0.95 < far.peak.max() < THIN < near.peak.max() < 0.98
+    assert near.steps / near.completed > 1.7 * far.steps / far.completed
