@@ -296,7 +296,7 @@ def _run(design: Design, rotor_mass: float, bearing_number: float, settings: Set
         rate = settled.rate if settled else last("growth", measured).mean()
         period = settled.period if settled else repeating_period(last("section", 3 * MEMORY))
         swift = _swift_rate(system, memory, design.rigid, tolerance, before + done) if period is not None else None
-        if swift and swift[0] > rate - (3.0 * settled.error if settled else 0.0):
+        if period and swift and swift[0] > rate - (3.0 * settled.error if settled else 0.0):
             if swift[0] < UNSTABLE:
                 settled = Settled(period, *swift[:2])
                 measured = window(period)
@@ -311,9 +311,10 @@ def _run(design: Design, rotor_mass: float, bearing_number: float, settings: Set
     if design.rigid:  # the disc is the journal
         for array in (arrays["section"], path):
             array[..., 2:4], array[..., 6:8] = array[..., 0:2], array[..., 4:6]
-    found = Trajectory(STATUS[status], done, arrays["section"], growth, arrays["contact"] / REVOLUTION, arrays["peak"], path,
-                       int(memory.control[1]), time.perf_counter() - began, memory.state.copy(), settled)
-    return found, growing
+    seconds, contact = time.perf_counter() - began, arrays["contact"] / REVOLUTION
+    trajectory = Trajectory(STATUS[status], done, arrays["section"], growth, contact, arrays["peak"], path,
+                            int(memory.control[1]), seconds, memory.state.copy(), settled)
+    return trajectory, growing
 
 
 def _own_frequency(design: Design, rotor: RotorCoefficients) -> float:
@@ -348,7 +349,8 @@ def _swift_rate(system, memory, rigid, tolerance, first) -> tuple[float, float, 
     The mean over the instants of the next revolution; the error is how far the mean of every other one is from it.
     """
     film, rotor = system
-    places, state, found = unknown_places(film, rigid), memory.state.copy(), []
+    places, state = unknown_places(film, rigid), memory.state.copy()
+    found: list[complex] = []
     options = Options(0, tolerance, period=REVOLUTION / PHASES)
     for k in range(PHASES):
         mode = swift_mode(slope_and_jacobian(film, rotor, memory.state, places)[1][places])
