@@ -52,7 +52,7 @@ STRONG, FINE_STEPS = -2.0, 768  # rate per revolution under which the tangent is
 THIN, BUSY, FINER = 0.96, 400, 16.0  # eccentricity, or steps a revolution, from which on, and where a run fails, the tolerance
 # is divided by FINER: it is over the clearance, not over the film, and a vibration of many steps adds up the errors of each
 MOST_STEPS = 10_000  # a revolution, at the default tolerance
-FASTEST = 1e7  # own vibrations over the shaft speed: from there on rounding of positions alone accelerates the rotor
+FASTEST = 3e5  # own vibrations over the shaft speed: from there on rounding of positions alone accelerates by 1e-5 and more
 PHASES, PER_SWING = 4, 12  # instants of a revolution at which swift vibrations are sought; steps for one swing of a growing one
 _ATTENTION = 50  # last revolutions of a run without a check: recording paths there must not change where the run stops
 
