@@ -17,8 +17,8 @@ from spab_core.coefficients import impedance, least_stable_whirl
 from spab_core.design import Design, DesignError
 from spab_core.film import Mesh
 from spab_core.integrate import DEFAULT_TOLERANCE, STATUS
-from spab_core.presets import preset
-from spab_core.simulate import THIN
+from spab_core.presets import PRESETS, preset
+from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, THIN
 from tests.conftest import ROOT
 
 _spec = importlib.util.spec_from_file_location("honesty", ROOT / "benchmarks" / "honesty.py")
@@ -26,7 +26,7 @@ honesty = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(honesty)
 CASES = range(60, 80)  # every status among them
 KEPT = ROOT / "tests" / "physics" / "honesty_cases.csv"
-SLOW = ("94", "634", "651")  # ten seconds and more; `benchmarks/honesty.py` has such too
+SLOW = ("94", "634")  # ten seconds and more
 
 
 @pytest.fixture(scope="module")
@@ -109,3 +109,10 @@ def test_near_the_wall_steps_are_finer(design):
     far, near = (solve_point(soft.replace(rotor__gravity=g), 12.0, 2.0, honesty.SETTINGS).trajectory for g in (60.0, 120.0))
     assert 0.95 < far.peak.max() < THIN < near.peak.max() < 0.98
     assert near.steps / near.completed > 1.7 * far.steps / far.completed
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_the_slowest_and_lightest_point_of_every_preset_is_solved(name):
+    """The corner of the allowed plane where rotors vibrate fastest over the shaft speed, a quarter of a million times."""
+    point = solve_point(PRESETS[name].design, ROTOR_MASS_RANGE[0], BEARING_NUMBER_RANGE[0], honesty.SETTINGS)
+    assert point.regime.text == "periodic-1"
