@@ -175,7 +175,7 @@ def refinement_figure(r: Refinement, layer: str = "Regime") -> go.Figure:
     figure.update_layout(
         xaxis={"title": BEARING_NUMBER_LABEL, "showgrid": False, "range": _ends(r.bearing_number)},
         yaxis={"title": MASS_LABEL, "showgrid": False, "range": _ends(r.rotor_mass)},
-        margin={"l": 60, "r": 10, "t": 30, "b": 50}, height=560, dragmode="zoom",
+        margin={"l": 60, "r": 10, "t": 30, "b": 50}, height=560, dragmode="zoom", datarevision=1,
         legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0, "itemsizing": "constant"})
     return figure
 
