@@ -50,7 +50,7 @@ def test_a_copied_address_opens_the_same_view():
     ("model", "oracle", "model = 'oracle' is not allowed: choose mlp"), ("divisor", "7.5", "not allowed"),
     ("draw", "1.5", "draw = '1.5' is not a whole number"), ("mesh", "9999x9999", "mesh"),
     ("bearing.clearance", "1", "bearing.clearance = 1 m is out of range"), ("bearing.clearance", "x", "is not a number"),
-    ("bearing.clearance", "0.009", "at most a twentieth of the radius"), ("../../etc", "1", "unknown value '../../etc'"),
+    ("contact.roughness", "0.1", "the contact force at the centre"), ("../../etc", "1", "unknown value '../../etc'"),
 ])
 def test_a_wrong_address_is_told_and_the_page_stands(key, value, words):
     at = opened(**{key: value})
