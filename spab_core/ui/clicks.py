@@ -15,9 +15,9 @@ from spab_core.figures import CHOSEN
 
 # Plotly's `plot.on`, `data`, `calcdata` and `_fullLayout` as of plotly.js 3; tests/browser click in every such figure.
 _LISTENER = """
+const timers = {};
 export default function ({ data, setTriggerValue }) {
   const find = () => document.querySelector(`.st-key-${data.chart} .js-plotly-plot`);
-  let before = null;
   const move = (plot, k, x, y) => {  // the mark of the figure goes to the cell; Plotly keeps it there at every zoom
     const trace = plot._fullData[k], node = plot.querySelector(`.trace${trace.uid} path.point`);
     for (const owner of [plot.data[k], trace]) Object.assign(owner, { x: [x], y: [y] });
@@ -28,9 +28,9 @@ export default function ({ data, setTriggerValue }) {
     const point = event.points.find(p => p.fullData.type === "heatmap" && p.xaxis._id === data.axis);
     if (!point) return;
     const plot = find(), k = plot._fullData.findIndex(trace => trace.name === data.mark);
-    const twice = event.event.detail > 1 && before;  // a double click asks for the whole map: the first one did not count
-    const [x, y] = twice ? before : [point.x, point.y];
-    before = twice ? null : [plot.data[k].x[0], plot.data[k].y[0]];
+    const twice = event.event.detail > 1 && plot.spabBefore;  // asks for the whole map: the first did not count
+    const [x, y] = twice || [point.x, point.y];
+    plot.spabBefore = twice ? null : [plot.data[k].x[0], plot.data[k].y[0]];
     move(plot, k, x, y);
     setTriggerValue("cell", [x, y]);
   };
@@ -42,7 +42,8 @@ export default function ({ data, setTriggerValue }) {
     plot.on("plotly_click", clicked);
   };
   listen();
-  const timer = setInterval(listen, 100);
+  clearInterval(timers[data.chart]);  // Streamlit may call again without a word to the one before
+  const timer = timers[data.chart] = setInterval(listen, 100);
   return () => clearInterval(timer);
 }
 """
