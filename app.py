@@ -49,7 +49,6 @@ def _typed_speed():
 slowest, fastest = (design.speed_rpm(b) for b in BEARING_NUMBER_RANGE)
 state["rpm"] = min(max(design.speed_rpm(state["bearing_number"]), slowest), fastest)
 
-
 left, right = st.columns([1.15, 1], gap="medium")
 
 with left:
@@ -117,7 +116,7 @@ def _point():
         if layer == SURROGATE:
             command += f"\nspab predict --model {model} --divisor {divisor} --seed {draw} --out predicted.npz"
 
-        def take():
+        def take():  # a figure of its own: the page's holds a ready dictionary alone
             return go.Figure(marked_map_figure((number, mass), *shown).to_dict())
 
         downloads("stability_map", {"Map": take, "Orbit": orbit}, {"Map": lambda: map_table(m)},

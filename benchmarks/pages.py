@@ -1,11 +1,16 @@
 """Seconds that a user waits for the dashboard in Chromium on a warm server: alone, and with a second user at once.
 
-    python benchmarks/pages.py
+    python benchmarks/pages.py [--floor]
+
+With ``--floor`` only what Streamlit and Plotly take by themselves: the first view of an empty page, and of one with a
+chart of two points.
 """
 
+import argparse
 import asyncio
 import statistics
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -101,7 +106,44 @@ async def measure(address):
     return one, {action: both[0][action] + both[1][action] for action in one}
 
 
+EMPTY = "import streamlit as st\n\nst.write('Solved live')\n"
+CHART = EMPTY + "import plotly.graph_objects as go\n\nst.plotly_chart(go.Figure(go.Scatter(x=[1, 2], y=[3, 4])))\n"
+
+
+async def first_views(address, drawn, count=6):
+    """Seconds of first views in one browser, which is new for the first."""
+    async with async_playwright() as p:
+        browser = await p.chromium.launch(executable_path=find_chromium(), args=["--no-sandbox"])
+        context, found = await browser.new_context(viewport={"width": 1440, "height": 900}), []
+        for _ in range(count):
+            page = await context.new_page()
+            began = time.perf_counter()
+            await page.goto(address)
+            await page.wait_for_function(drawn, timeout=60_000)
+            found.append(time.perf_counter() - began)
+            await page.wait_for_timeout(1000)
+            await page.close()
+        await browser.close()
+    return found
+
+
+def floor():
+    for name, text, drawn in (("empty page", EMPTY, "() => document.body.innerText.includes('Solved live')"),
+                              ("chart of two points", CHART, "() => document.querySelector('.js-plotly-plot')?.calcdata")):
+        with tempfile.NamedTemporaryFile("w", suffix=".py") as script:
+            script.write(text)
+            script.flush()
+            with dashboard(script=script.name) as address:
+                asyncio.run(first_views(address, drawn, 1))  # warms the server
+                first, *later = asyncio.run(first_views(address, drawn))
+        print(f"{name}: new browser {first:.2f} s, again {statistics.median(later):.2f} s")
+
+
 def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--floor", action="store_true")
+    if parser.parse_args().floor:
+        return floor()
     with dashboard() as address:
         one, two = asyncio.run(measure(address))
     print(f"{'':34s} {'alone':>7s} {'two':>7s} {'ratio':>6s} {'goal':>6s}")

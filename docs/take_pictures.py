@@ -26,10 +26,10 @@ def free_port():
 
 
 @contextmanager
-def dashboard(theme="light"):
-    """The app served on a free port of this machine; yields its address."""
+def dashboard(theme="light", script="app.py"):
+    """The app, or another script, served on a free port of this machine; yields its address."""
     port = free_port()
-    command = [sys.executable, "-m", "streamlit", "run", "app.py", "--server.port", str(port), "--server.headless", "true",
+    command = [sys.executable, "-m", "streamlit", "run", str(script), "--server.port", str(port), "--server.headless", "true",
                "--theme.base", theme]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
