@@ -130,10 +130,10 @@ async def first_views(address, drawn, count=6):
 def floor():
     for name, text, drawn in (("empty page", EMPTY, "() => document.body.innerText.includes('Solved live')"),
                               ("chart of two points", CHART, "() => document.querySelector('.js-plotly-plot')?.calcdata")):
-        with tempfile.NamedTemporaryFile("w", suffix=".py") as script:
-            script.write(text)
-            script.flush()
-            with dashboard(script=script.name) as address:
+        with tempfile.TemporaryDirectory() as folder:
+            script = Path(folder) / "page.py"
+            script.write_text(text)
+            with dashboard(script=script) as address:
                 asyncio.run(first_views(address, drawn, 1))  # warms the server
                 first, *later = asyncio.run(first_views(address, drawn))
         print(f"{name}: new browser {first:.2f} s, again {statistics.median(later):.2f} s")
