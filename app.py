@@ -2,7 +2,6 @@
 
 import math
 
-import plotly.graph_objects as go
 import streamlit as st
 
 from spab_core.design import reference_design
@@ -116,11 +115,9 @@ def _point():
         if layer == SURROGATE:
             command += f"\nspab predict --model {model} --divisor {divisor} --seed {draw} --out predicted.npz"
 
-        def take():  # a figure of its own: the page's holds a ready dictionary alone
-            return go.Figure(marked_map_figure((number, mass), *shown).to_dict())
-
-        downloads("stability_map", {"Map": take, "Orbit": orbit}, {"Map": lambda: map_table(m)},
-                  {"npz": lambda: map_bytes(m), "nc": lambda: map_netcdf(m)}, command)
+        # not the page's own figure: its mark may stand where it was before a click (mark_place)
+        downloads("stability_map", {"Map": lambda: marked_map_figure((number, mass), *shown), "Orbit": orbit},
+                  {"Map": lambda: map_table(m)}, {"npz": lambda: map_bytes(m), "nc": lambda: map_netcdf(m)}, command)
     place, t = st.container(), point.trajectory
     st.caption(f"Solved live: {t.completed} revolutions from rest{', settled on a periodic orbit' if t.settled else ''}, "
                f"{t.wall_seconds:.2f} s on {point.settings.mesh} film nodes, at Λ {number:.4g} and {mass:.4g} kg.")

@@ -7,7 +7,7 @@ import streamlit as st
 
 from spab_core.evaluation import comparison_words, error_by_regime, errors, uncertainty_scores
 from spab_core.export import prediction_table
-from spab_core.figures_surrogates import reliability_figure, surrogate_figure, uncertainty_figure
+from spab_core.figures_surrogates import reliability_figure, uncertainty_figure
 from spab_core.pretrained import prediction_npz
 from spab_core.surrogates import DIVISORS, MODELS
 from spab_core.ui.clicks import clickable, mark_place
@@ -17,6 +17,7 @@ from spab_core.ui.shared import (
     errors_in_words,
     intervals_of_job,
     live_point,
+    marked_surrogate_figure,
     page_head,
     predicted_map,
     reference_map,
@@ -63,7 +64,7 @@ with errors_in_words():
 found = errors(m, predicted)
 row, column = _chosen_cell()
 place = mark_place("maps", (name, divisor, seed), (float(m.bearing_number[row]), float(m.rotor_mass[column])))
-figure = surrogate_figure(m, predicted, place)
+figure = marked_surrogate_figure(place, name, divisor, int(seed))
 lives = error_by_regime(m, predicted)
 with d:
     downloads("surrogate", {"Maps": figure}, {

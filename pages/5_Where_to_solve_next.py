@@ -4,17 +4,17 @@ from functools import partial
 
 import streamlit as st
 
-from spab_core.artifacts import REFINED, checked_bytes, load_reference_refinement
+from spab_core.artifacts import REFINED, checked_bytes
 from spab_core.committee import DAMPED
-from spab_core.figures_surrogates import REFINE_LAYERS, learning_curve_figure, refinement_figure
+from spab_core.figures_surrogates import REFINE_LAYERS, learning_curve_figure
 from spab_core.learning_curve import GOAL, goal, load_learning_curve
 from spab_core.ui.downloads import downloads
-from spab_core.ui.shared import errors_in_words, page_head
+from spab_core.ui.shared import drawn_refinement, errors_in_words, page_head, reference_refinement
 
 page_head("where to solve next")
 
 with errors_in_words():
-    refined, rows = load_reference_refinement(), load_learning_curve()
+    refined, rows = reference_refinement(), load_learning_curve()
 
 st.markdown("#### Which points should I solve next, and how few are enough?")
 found, share = goal(rows), [f"n/{k}" for k in GOAL]
@@ -33,7 +33,7 @@ left, right = st.columns([1.25, 1], gap="medium")
 with left:
     layer = st.segmented_control("Predicted", REFINE_LAYERS, default=REFINE_LAYERS[0],
                                  key="refine_layer") or REFINE_LAYERS[0]
-    figure = refinement_figure(refined, layer)
+    figure = drawn_refinement(layer)
     st.plotly_chart(figure, key="plane", width="stretch")
     st.caption(f"Black: the {int(refined.solved.sum()):,} solved cells of {refined.batch.size:,}, from a coarse start of "
                f"{refined.metadata['start']} in {refined.metadata['batches']} batches. Colours: what they predict. Stars: the "

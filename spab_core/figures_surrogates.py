@@ -17,28 +17,28 @@ from spab_core.figures import (
     NEUTRAL,
     SECTION,
 )
-from spab_core.figures_map import mark_trace
 from spab_core.learning_curve import COMMITTEE, summary
 from spab_core.refine import Refinement
 from spab_core.stability_map import StabilityMap
 from spab_core.surrogates import MODELS, PredictedMap
 from spab_core.uncertainty import MapIntervals
 
+ERROR_AXES: dict = {"xaxis": "x3", "yaxis": "y3"}  # of the third map
 
-def surrogate_figure(m: StabilityMap, predicted: PredictedMap, marked: tuple[float, float] | None = None) -> go.Figure:
+
+def surrogate_figure(m: StabilityMap, predicted: PredictedMap) -> go.Figure:
     """Solved map, predicted map and the absolute error of the prediction, side by side on the same axes.
 
     Parameters
     ----------
     m : StabilityMap
     predicted : PredictedMap
-    marked : tuple
-        Bearing number and rotor mass of the point marked on the error.
 
     Returns
     -------
     Figure
-        Three heatmaps; the first two share the diverging scale of :func:`map_figure`. Training cells have no error to show.
+        Three heatmaps, the error on :data:`ERROR_AXES`; the first two share the diverging scale of :func:`map_figure`.
+        Training cells have no error to show.
     """
     error = np.where(predicted.trained, np.nan, np.abs(predicted.mle - m.mle))
     top = max(float(np.nanquantile(error, 0.98)), 1e-3) if np.isfinite(error).any() else 1.0
@@ -57,8 +57,6 @@ def surrogate_figure(m: StabilityMap, predicted: PredictedMap, marked: tuple[flo
     figure.data[-1].update(text=told.T, hovertemplate="Λ %{x:.3f}, %{y:.2f} kg: %{text}<extra></extra>")
     figure.update_yaxes(showgrid=False)
     figure.update_yaxes(title=MASS_LABEL, row=1, col=1)
-    if marked is not None:
-        figure.add_trace(mark_trace(*marked, xaxis="x3", yaxis="y3"))
     figure.update_xaxes(range=_ends(m.bearing_number))  # or a mark at the edge would widen them
     figure.update_yaxes(range=_ends(m.rotor_mass))
     return figure.update_layout(height=400, margin={"l": 60, "r": 10, "t": 40, "b": 50}, dragmode="zoom", uirevision="maps",
@@ -166,7 +164,7 @@ def refinement_figure(r: Refinement, layer: str = "Regime") -> go.Figure:
                            colorbar={"title": "probability of chaos or failure", **bar},
                            hovertemplate=f"{where}: probability %{{z:.2f}}<extra></extra>", **common)
     row, column = np.nonzero(r.solved)
-    figure.add_scattergl(x=r.bearing_number[row].astype(np.float32), y=r.rotor_mass[column].astype(np.float32), mode="markers",
+    figure.add_scatter(x=r.bearing_number[row].astype(np.float32), y=r.rotor_mass[column].astype(np.float32), mode="markers",
                          name=f"solved ({len(row):,})", hoverinfo="skip", marker={"color": "#000000", "size": 2.5})
     row, column = np.unravel_index(r.suggested, r.batch.shape)
     figure.add_scatter(x=r.bearing_number[row], y=r.rotor_mass[column], mode="markers", name=f"solve next ({len(row)})",

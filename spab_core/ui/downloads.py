@@ -72,7 +72,8 @@ def _stem(name: str, title: str) -> str:
 
 
 def _figure(write: Callable[[go.Figure], bytes], figure: go.Figure | Callable[[], go.Figure]) -> bytes:
-    return write(figure() if callable(figure) else figure)
+    taken = figure() if callable(figure) else figure
+    return write(go.Figure(taken.to_dict()))  # what is shown: one drawn before (ui/drawn.py) has nothing else
 
 
 def _csv(table: Callable[[], pd.DataFrame]) -> bytes:

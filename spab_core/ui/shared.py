@@ -18,20 +18,26 @@ from spab_core.artifacts import (
     BLOCK_SCORES,
     PREDICTIONS,
     REFERENCE_MAP,
+    REFINED,
     ArtifactError,
     checked_path,
     load_reference_map,
+    load_reference_refinement,
 )
 from spab_core.design import Design, InputError
 from spab_core.figures_map import SURROGATE, map_figure, mark_trace
+from spab_core.figures_surrogates import ERROR_AXES, refinement_figure, surrogate_figure
 from spab_core.integrate import is_compiled
 from spab_core.jobs import Job
 from spab_core.margin import against_linear, critical_masses, margin
 from spab_core.point import OperatingPoint, solve_point
 from spab_core.pretrained import ServedMap, find_map
+from spab_core.refine import Refinement
 from spab_core.simulate import Settings
 from spab_core.stability_map import StabilityMap
 from spab_core.surrogates import linear_table_of, model
+from spab_core.ui.drawn import drawn
+from spab_core.ui.memory import bound_memory
 from spab_core.ui.view import open_view
 from spab_core.uncertainty import MapIntervals, load_intervals
 
@@ -41,6 +47,7 @@ LIVE_PATHS = 48  # orders of the spectrum are 1/48 apart; halves and thirds fall
 
 def page_head(title: str) -> None:
     """What every page begins with; ``title`` is shown in the browser's tab. The view is opened (:mod:`spab_core.ui.view`)."""
+    bound_memory()
     st.set_page_config(page_title=f"spab: {title}", page_icon="◍", layout="wide")
     st.html("<style>.block-container{padding:2.2rem 2rem 1rem} "
             "@media(max-width:640px){.block-container{padding:4rem 1rem 1rem}} "
@@ -86,37 +93,38 @@ def reference_map() -> StabilityMap:
     return _map(_stamp())
 
 
-class _Drawn(go.Figure):
-    """A figure whose dictionary is ready: making it anew of 42,500 cells on each run takes half a second."""
-
-    def __init__(self, ready: dict):
-        super().__init__()
-        self.__dict__["_ready"] = ready
-
-    def to_dict(self) -> dict:
-        """What is sent to the browser."""
-        return self.__dict__["_ready"]
-
-
-@st.cache_resource(show_spinner=False)
-def _map_figures() -> dict[tuple, dict]:
-    return {}  # filled by hand: training a model tells its progress on the page
-
-
 def marked_map_figure(point: tuple[float, float], layer: str, name: str, divisor: int, seed: int) -> go.Figure:
     """The map's figure with a cross at (bearing number, rotor mass); ``name``, ``divisor``, ``seed``: of the surrogate's layer.
 
     Raises ``InputError``.
     """
-    known, key = _map_figures(), (_stamp(), _stamp(PREDICTIONS), layer, *((name, divisor, seed) if layer == SURROGATE else ()))
-    ready = known.get(key)
-    if ready is None:
-        m = reference_map()
-        predicted = predicted_map(name, divisor, seed) if layer == SURROGATE else None
-        ready = known[key] = map_figure(m, layer, predicted, linear_table_of(m)).to_dict()
-        for old in list(known)[:-12]:
-            known.pop(old, None)
-    return _Drawn(ready | {"data": [*ready["data"], mark_trace(*point)]})
+    m, own = reference_map(), (name, divisor, seed) if layer == SURROGATE else ()
+    predicted = predicted_map(*own) if own else None
+    return drawn(("map", _stamp(), _stamp(PREDICTIONS), layer, *own),
+                 lambda: map_figure(m, layer, predicted, linear_table_of(m)), mark_trace(*point))
+
+
+def marked_surrogate_figure(point: tuple[float, float], name: str, divisor: int, seed: int) -> go.Figure:
+    """Solved map, predicted map and its error, a cross at (bearing number, rotor mass) on the error. Raises ``InputError``."""
+    m, predicted = reference_map(), predicted_map(name, divisor, seed)
+    return drawn(("surrogate", _stamp(), _stamp(PREDICTIONS), name, divisor, seed), lambda: surrogate_figure(m, predicted),
+                 mark_trace(*point, **ERROR_AXES))
+
+
+@st.cache_resource(max_entries=1, show_spinner=False)
+def _refinement(stamp: float) -> Refinement:
+    return load_reference_refinement(ARTIFACTS)
+
+
+def reference_refinement() -> Refinement:
+    """The shipped refined map, read and checked once for each version of the file. Raises ``InputError``."""
+    return _refinement(_stamp(REFINED))
+
+
+def drawn_refinement(layer: str) -> go.Figure:
+    """The figure of the shipped refined map. Raises ``InputError``."""
+    r = reference_refinement()
+    return drawn(("refinement", _stamp(REFINED), layer), lambda: refinement_figure(r, layer))
 
 
 @st.cache_resource(max_entries=1, show_spinner=False)

@@ -15,6 +15,7 @@ from spab_core.artifacts import REFINED, write_manifest
 from spab_core.figures_surrogates import REFINE_LAYERS
 from spab_core.oracles import map_oracle
 from spab_core.refine import refine, save_refinement
+from spab_core.ui import shared
 from tests.conftest import ROOT
 from tests.unit.test_learning_curve import made_up
 from tests.unit.test_surrogates import map_of, with_hole
@@ -29,8 +30,8 @@ def small(tmp_path, monkeypatch):
     save_refinement(refine(m.bearing_number, m.rotor_mass, map_oracle(m), 60, metadata=m.metadata), tmp_path / REFINED)
     write_manifest(tmp_path)
     curve(tmp_path, (0.2, 0.95), (0.3, 0.94), (0.4, 0.90))
-    for reader in (artifacts.load_reference_refinement, artifacts.checked_bytes):
-        monkeypatch.setattr(reader, "__defaults__", (tmp_path,))
+    monkeypatch.setattr(shared, "ARTIFACTS", tmp_path)
+    monkeypatch.setattr(artifacts.checked_bytes, "__defaults__", (tmp_path,))
     monkeypatch.setattr(learning_curve.load_learning_curve, "__defaults__", (tmp_path / "curve.csv",))
     st.cache_resource.clear()
     return tmp_path

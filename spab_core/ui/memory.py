@@ -1,0 +1,28 @@
+"""The server's memory, kept flat under many users.
+
+Streamlit runs each page on a new thread. Left alone, glibc gives every few threads an arena that grows by what its largest run
+needed, and pyarrow's allocator every thread a segment of its own; neither is given back.
+"""
+
+from __future__ import annotations
+
+import ctypes
+
+import pyarrow as pa
+import streamlit as st
+
+_ARENA_MAX, _MMAP_THRESHOLD = -8, -3  # M_ARENA_MAX and M_MMAP_THRESHOLD of glibc's malloc.h
+ARENAS = 2
+LARGE = 1 << 18  # bytes; larger blocks, the figures' texts, go back to the system as soon as they are freed
+
+
+@st.cache_resource(show_spinner=False)
+def bound_memory() -> None:
+    """Have all threads share :data:`ARENAS` arenas, once in the life of a server; without glibc nothing but pyarrow's pool."""
+    pa.set_memory_pool(pa.system_memory_pool())
+    try:
+        mallopt = ctypes.CDLL(None).mallopt
+    except (AttributeError, OSError, TypeError):  # another C library
+        return
+    mallopt(_ARENA_MAX, ARENAS)
+    mallopt(_MMAP_THRESHOLD, LARGE)
