@@ -1,12 +1,13 @@
 """Home page: the stability map; a click or typed numbers choose an operating point: its margin, solved live beside it."""
 
 import math
+import time
 
 import streamlit as st
 
 from spab_core.design import reference_design
 from spab_core.export import map_netcdf, map_table
-from spab_core.figures_map import LAYERS, SURROGATE
+from spab_core.figures_map import HEIGHT, LAYERS, SURROGATE
 from spab_core.figures_point import orbit_figure
 from spab_core.integrate import is_compiled
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
@@ -14,6 +15,7 @@ from spab_core.stability_map import map_bytes
 from spab_core.surrogates import MODELS
 from spab_core.ui.clicks import clickable, mark_place
 from spab_core.ui.downloads import downloads
+from spab_core.ui.drawn import show_still
 from spab_core.ui.shared import (
     LIVE,
     errors_in_words,
@@ -21,11 +23,14 @@ from spab_core.ui.shared import (
     live_point,
     map_margin,
     marked_map_figure,
+    marked_still,
     page_head,
     page_link,
     reference_map,
 )
 from spab_core.ui.view import chosen_design, design_option, design_words, is_reference, point_options, set_design, set_point
+
+PAINT = 0.15  # s before a browser is told to load Plotly, which takes it a second: it paints words and picture before
 
 page_head("stability map")
 
@@ -56,8 +61,11 @@ with left:
     model, divisor, draw = state["model"], state["divisor"], int(state["draw"])
     with errors_in_words():
         shown = (layer, model, divisor, draw)
-        figure = marked_map_figure(mark_place("map", shown, (state["bearing_number"], state["rotor_mass"])), *shown)
-    map_place = st.container()
+        marked = mark_place("map", shown, (state["bearing_number"], state["rotor_mass"]))
+        picture, figure = marked_still(marked, *shown), marked_map_figure(marked, *shown)
+    map_place = st.container(key="map_box")
+    with map_place:
+        show_still(picture, "map_box", HEIGHT)
     told = f"Predicted by {MODELS[model].label} from n/{divisor} of the cells. " if layer == SURROGATE else ""
     st.caption(f"{told}Click a cell, or type the point. {m.shape[0]} × {m.shape[1]} cold starts on {m.metadata['mesh']} film "
                "nodes; the linear threshold is that of the static equilibrium without unbalance.")
@@ -133,5 +141,8 @@ try:
         orbit_place, orbits = _point()
 finally:  # also where the point cannot be solved
     if words_first:
+        if "opened" not in state:
+            time.sleep(PAINT)
         _show_map()
+state["opened"] = True
 orbit_place.plotly_chart(orbits, key="orbit", width="stretch")

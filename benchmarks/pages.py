@@ -20,13 +20,15 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "docs"))
 from take_pictures import dashboard, find_chromium  # noqa: E402
 
-GOALS = {"first view ever: verdict": 2.0, "first view ever: map drawn": 2.0, "first view: verdict": 2.0,
-         "first view: map drawn": 2.0, "click to live verdict": 1.0, "another layer drawn": 2.0}
+GOALS = {"first view ever: verdict": 2.0, "first view ever: map seen": 2.0, "first view ever: map drawn": 2.0,
+         "first view: verdict": 2.0, "first view: map seen": 2.0, "first view: map drawn": 2.0,
+         "click to live verdict": 1.0, "another layer drawn": 2.0}
 SWITCH = 1.0
 CLICKS = [(7.0, 6.0), (10.0, 5.0), (18.0, 4.5), (2.0, 5.0), (22.0, 4.0)]  # kg, bearing number
 DRAWN = """layer => { const plot = document.querySelector('.js-plotly-plot');
     return plot && plot.calcdata && plot._fullData.some(t => t.type === 'heatmap')
         && plot._fullData.some(t => t.name === 'chaotic') === (layer === 'Regime'); }"""
+SEEN = """() => [...document.querySelectorAll('.spab-still img')].some(i => i.complete && i.checkVisibility())"""
 AT_REST = """old => { const title = document.querySelector('[data-testid=stMain] h4');
     return title && title.innerText !== old && document.querySelector('[data-test-script-state=notRunning]'); }"""
 
@@ -69,7 +71,11 @@ async def journey(browser, address, shift):
             await page.wait_for_function(DRAWN, arg="MLE", timeout=60_000)
             took(f"{which}: map drawn", began)
 
-        await asyncio.gather(verdict(), drawn())
+        async def seen(page=page, began=began, which=which):  # the plain picture in its place
+            await page.wait_for_function(SEEN, timeout=60_000)
+            took(f"{which}: map seen", began)
+
+        await asyncio.gather(verdict(), seen(), drawn())
         await page.wait_for_timeout(1000)
         if len(found.get("first view: verdict", [])) < 3:
             await page.close()

@@ -15,6 +15,7 @@ from spab_core.surrogates import PredictedMap
 
 LAYERS = ("MLE", "Regime", "Contact share", "Largest eccentricity", "Surrogate prediction")
 SURROGATE = LAYERS[-1]
+HEIGHT = 590  # pixels
 _REGIMES = (  # label, colour, whether (regime, period) belongs
     ("periodic-1", "#56B4E9", lambda r, p: (r == "periodic") & (p == 1)),
     ("periodic-2", "#0072B2", lambda r, p: (r == "periodic") & (p == 2)),
@@ -122,7 +123,7 @@ def map_figure(m: StabilityMap, layer: str = "MLE", predicted: PredictedMap | No
         xaxis2={"title": {"text": "Shaft speed, rpm", "standoff": 6}, "overlaying": "x", "side": "top", "tickmode": "auto",
                 "showgrid": False, "zeroline": False, "range": [rpm * x0, rpm * x1], "tickformat": ",.0f"},
         yaxis={"title": MASS_LABEL, "showgrid": False, "zeroline": False, "range": y_range},
-        uirevision="map", datarevision=1, dragmode="zoom", margin={"l": 55, "r": 5, "t": 55, "b": 95}, height=590,
+        uirevision="map", datarevision=1, dragmode="zoom", margin={"l": 55, "r": 5, "t": 55, "b": 95}, height=HEIGHT,
         legend={"orientation": "h", "yref": "container", "y": 0, "yanchor": "bottom", "x": 0, "bgcolor": "#ffffff",
                 "font": {"color": "#000000"}, "itemclick": False, "itemdoubleclick": False})
     return figure

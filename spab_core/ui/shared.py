@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from spab_core.artifacts import (
 )
 from spab_core.design import Design, InputError
 from spab_core.figures_map import SURROGATE, map_figure, mark_trace
+from spab_core.figures_still import Still, still
 from spab_core.figures_surrogates import ERROR_AXES, refinement_figure, surrogate_figure
 from spab_core.integrate import is_compiled
 from spab_core.jobs import Job
@@ -93,15 +94,31 @@ def reference_map() -> StabilityMap:
     return _map(_stamp())
 
 
+def _map_drawing(layer: str, name: str, divisor: int, seed: int) -> tuple[tuple, Callable[[], go.Figure]]:
+    """All that the map's figure depends on, and what draws it."""
+    m, own = reference_map(), (name, divisor, seed) if layer == SURROGATE else ()
+    predicted = predicted_map(*own) if own else None
+    return ("map", _stamp(), _stamp(PREDICTIONS), layer, *own), lambda: map_figure(m, layer, predicted, linear_table_of(m))
+
+
 def marked_map_figure(point: tuple[float, float], layer: str, name: str, divisor: int, seed: int) -> go.Figure:
     """The map's figure with a cross at (bearing number, rotor mass); ``name``, ``divisor``, ``seed``: of the surrogate's layer.
 
     Raises ``InputError``.
     """
-    m, own = reference_map(), (name, divisor, seed) if layer == SURROGATE else ()
-    predicted = predicted_map(*own) if own else None
-    return drawn(("map", _stamp(), _stamp(PREDICTIONS), layer, *own),
-                 lambda: map_figure(m, layer, predicted, linear_table_of(m)), mark_trace(*point))
+    key, draw = _map_drawing(layer, name, divisor, seed)
+    return drawn(key, draw, mark_trace(*point))
+
+
+@st.cache_resource(max_entries=8, show_spinner=False)
+def _still(key: tuple, _draw: Callable[[], go.Figure]) -> Still:
+    return still(_draw())
+
+
+def marked_still(point: tuple[float, float], layer: str, name: str, divisor: int, seed: int) -> str:
+    """The map as a plain picture, for :func:`drawn.show_still`; parameters and errors of :func:`marked_map_figure`."""
+    key, draw = _map_drawing(layer, name, divisor, seed)
+    return _still(key, draw).marked(*point)
 
 
 def marked_surrogate_figure(point: tuple[float, float], name: str, divisor: int, seed: int) -> go.Figure:

@@ -76,7 +76,7 @@ def test_the_points_to_solve_next_are_cells_not_solved(small, monkeypatch):
     at = AppTest.from_file(PAGE, default_timeout=60).run()
     table = at.dataframe[0].value
     assert len(table) == 24 and {"bearing_number", "rotor_mass_kg", "in_doubt"} <= set(table.columns)
-    refined = artifacts.load_reference_refinement()
+    refined = artifacts.load_reference_refinement(small)
     row = [int(np.abs(refined.bearing_number - b).argmin()) for b in table["bearing_number"]]
     column = [int(np.abs(refined.rotor_mass - m).argmin()) for m in table["rotor_mass_kg"]]
     assert not refined.solved[row, column].any()

@@ -29,6 +29,37 @@ def _pictures():
     return module
 
 
+PLACES = """() => ['.spab-still > div', '.js-plotly-plot .nsewdrag', '.spab-still .spab-cross'].map(name => {
+    const r = document.querySelector(name)?.getBoundingClientRect();
+    return r && [r.left, r.top, r.right, r.bottom]; })"""
+
+
+def test_the_map_is_seen_before_plotly_is_there(chromium):
+    """The plain picture stands where Plotly draws the map later (to three pixels), with the cross, and gives way to it."""
+    tools, held = _pictures(), []
+    with tools.dashboard() as address, tools.browser_page() as page:
+        page.goto(address)  # compiles, draws
+        tools.settled(page)
+        page.route("**/PlotlyChart*", lambda route: held.append(route))
+        page.goto(f"{address}/?rotor_mass=18&bearing_number=4.5")
+        page.get_by_text("Solved live").wait_for()
+        page.wait_for_function("() => document.querySelector('.spab-still .spab-cross').complete")
+        page.wait_for_selector("[data-testid=stSkeleton]", state="attached")  # in the chart's place
+        assert held and page.locator(".spab-still img").first.is_visible()
+        Path(OUTPUT).mkdir(exist_ok=True)
+        page.screenshot(path=OUTPUT / "still.png")
+        still, _, cross = page.evaluate(PLACES)
+        for route in held:
+            route.continue_()
+        tools.settled(page)
+        assert not page.locator(".spab-still img").first.is_visible()
+        drawn, axes = page.evaluate(PLACES)[1], page.evaluate(AXES)
+    assert still == pytest.approx(drawn, abs=3.0)
+    right, down = (((cross[k] + cross[k + 2]) / 2 - still[k]) / (still[k + 2] - still[k]) for k in (0, 1))
+    assert axes["x"][0] + right * (axes["x"][1] - axes["x"][0]) == pytest.approx(4.5, abs=0.06)
+    assert axes["y"][1] - down * (axes["y"][1] - axes["y"][0]) == pytest.approx(18.0, abs=0.06)
+
+
 def test_click_a_cell(chromium):
     tools = _pictures()
     m = load_reference_map()

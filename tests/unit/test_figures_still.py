@@ -1,0 +1,76 @@
+"""The plain picture of the map (spab_core/figures_still.py) shows what the Plotly figure shows, where it shows it."""
+
+import base64
+import io
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+from plotly.colors import sample_colorscale, unlabel_rgb
+
+from spab_core.figures_map import LAYERS, map_figure
+from spab_core.figures_still import still, ticks
+from spab_core.surrogates import linear_table_of
+from tests.unit.test_surrogates import map_of, plane, with_hole
+
+
+def sources(html):
+    """Images in their order: cells, lines, cross."""
+    return [base64.b64decode(text) for text in re.findall(r"base64,([^\"]+)", html)]
+
+
+@pytest.fixture(scope="module")
+def figure():
+    m = with_hole(map_of(plane))
+    return map_figure(m, "MLE", None, linear_table_of(m))
+
+
+def test_cells_have_the_colours_of_the_scale(figure):
+    """Each pixel against Plotly's own interpolation of the colour scale; no exponent: no colour."""
+    heat = next(t for t in figure.data if t.type == "heatmap")
+    z = np.asarray(heat.z, float)
+    pixels = np.asarray(Image.open(io.BytesIO(sources(still(figure).body)[0])))[::-1]  # the lowest mass is the last row
+    assert pixels.shape == (*z.shape, 4)
+    assert np.array_equal(pixels[..., 3] == 0, np.isnan(z)) and np.isnan(z).any()
+    for place in np.argwhere(~np.isnan(z))[:40]:
+        share = np.clip((z[*place] - heat.zmin) / (heat.zmax - heat.zmin), 0.0, 1.0)
+        expected = unlabel_rgb(sample_colorscale("RdBu_r", float(share))[0])
+        assert np.allclose(pixels[*place, :3], expected, atol=1.0)
+
+
+def test_lines_and_cross_stand_where_the_axes_say(figure):
+    picture = still(figure)
+    line = next(t for t in figure.data if t.name == "linear stability threshold" and t.line.dash == "dash")
+    drawn = re.findall(r'd="([^"]+)"[^>]*dasharray', sources(picture.body)[1].decode())[0]
+    first = [float(v) for v in re.match(r"M(-?\d+) (-?\d+)", drawn).groups()]
+    x, y = figure.layout.xaxis.range, figure.layout.yaxis.range
+    shares = (line.x[0] - x[0]) / (x[1] - x[0]), (y[1] - line.y[0]) / (y[1] - y[0])
+    assert first == pytest.approx([1000 * share for share in shares], abs=0.5)
+    assert "--x:100.00%;--y:0.00%" in picture.marked(x[1], y[1])
+    assert "--x:50.00%;--y:50.00%" in picture.marked(0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1]))
+
+
+@pytest.mark.parametrize("layer", LAYERS[:4])
+def test_every_layer_has_a_picture_with_axes_in_units(layer):
+    m = map_of(plane)
+    html = still(map_figure(m, layer)).marked(float(m.bearing_number[0]), float(m.rotor_mass[0]))
+    assert "Bearing number Λ" in html and "Rotor mass on one bearing, kg" in html and "Shaft speed, rpm" in html
+    assert html.count("base64,") == 3 and ("linear-gradient" in html) == (layer != "Regime")
+
+
+@given(low=st.floats(-1e6, 1e6), width=st.floats(1e-3, 1e6), most=st.integers(3, 10))
+def test_ticks_are_round_numbers_within_the_axis(low, width, most):
+    """Multiples of 1, 2 or 5 times a power of ten, none missing and no more than asked for."""
+    found, high = ticks(low, low + width, most), low + width
+    assert len(found) <= most + 1
+    slack = 1e-8 * max(abs(low), width)
+    assert np.all((found >= low - slack) & (found <= high + slack))
+    if len(found) > 1:
+        step = np.diff(found)
+        assert np.allclose(step, step[0], rtol=1e-6, atol=slack)
+        assert found[0] - step[0] < low + slack and found[-1] + step[0] > high - slack
+        lead = float(f"{step[0]:e}".split("e")[0])
+        assert min(abs(lead - k) for k in (1, 2, 5, 10)) < 1e-3 or slack > 1e-4 * step[0]
