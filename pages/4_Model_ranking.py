@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import streamlit as st
 
-from spab_core.artifacts import load_reference_scores
 from spab_core.evaluation import PAPER_RMSE, ranking, spread, suggestion, table
 from spab_core.figures_surrogates import fraction_figure
 from spab_core.foreign import read_samples, samples_bytes
@@ -14,16 +13,22 @@ from spab_core.job_kinds import SAMPLES
 from spab_core.surrogates import DIVISORS, MODELS
 from spab_core.ui.downloads import downloads
 from spab_core.ui.jobs import job_panel
-from spab_core.ui.shared import block_scores, errors_in_words, page_head, reference_map
+from spab_core.ui.shared import (
+    block_scores,
+    errors_in_words,
+    page_head,
+    reference_map,
+    reference_ranking,
+    reference_scores,
+)
 from spab_core.ui.view import chosen_design, design_words
 
 page_head("model ranking")
 
 with errors_in_words():
-    m, scores, blocks = reference_map(), load_reference_scores(), block_scores()
+    m, scores, blocks, best_first = reference_map(), reference_scores(), block_scores(), reference_ranking("held_out")
 
 st.markdown("#### Which model predicts the map best?")
-best_first = ranking(scores)
 st.success(suggestion(best_first))
 a, b, c = st.columns([2, 2.4, 0.9], vertical_alignment="bottom")
 metric = a.segmented_control("Error", ("rmse", "mae"), default="rmse", key="metric", format_func=str.upper) or "rmse"
@@ -34,7 +39,7 @@ column = f"{metric}_{kind}"
 found = table(scores, column)[best_first.index]  # the best first
 fractions = [f"n/{k}" for k in DIVISORS if f"n/{k}" in found.index]
 figure = fraction_figure(found.loc[fractions], spread(scores, column), f"{metric.upper()} per revolution")
-ranked = best_first if kind == "held_out" else ranking(scores, kind)
+ranked = reference_ranking(kind)
 with c:
     downloads("ranking", {"Errors": figure}, {
         "Ranking": ranked.rename_axis("model").reset_index, "Table": found.rename_axis("trained on").reset_index,

@@ -19,12 +19,15 @@ from spab_core.artifacts import (
     PREDICTIONS,
     REFERENCE_MAP,
     REFINED,
+    SCORES,
     ArtifactError,
     checked_path,
     load_reference_map,
     load_reference_refinement,
+    load_reference_scores,
 )
 from spab_core.design import Design, InputError
+from spab_core.evaluation import ranking
 from spab_core.figures_map import SURROGATE, map_figure, mark_trace
 from spab_core.figures_still import Still, still
 from spab_core.figures_surrogates import ERROR_AXES, refinement_figure, surrogate_figure
@@ -38,7 +41,7 @@ from spab_core.simulate import Settings
 from spab_core.stability_map import StabilityMap
 from spab_core.surrogates import linear_table_of, model
 from spab_core.ui.drawn import drawn
-from spab_core.ui.memory import bound_memory
+from spab_core.ui.memory import bound_memory, spare_lasting_objects
 from spab_core.ui.view import open_view
 from spab_core.uncertainty import MapIntervals, load_intervals
 
@@ -49,6 +52,7 @@ LIVE_PATHS = 48  # orders of the spectrum are 1/48 apart; halves and thirds fall
 def page_head(title: str) -> None:
     """What every page begins with; ``title`` is shown in the browser's tab. The view is opened (:mod:`spab_core.ui.view`)."""
     bound_memory()
+    spare_lasting_objects(title)
     st.set_page_config(page_title=f"spab: {title}", page_icon="◍", layout="wide")
     st.html("<style>.block-container{padding:2.2rem 2rem 1rem} "
             "@media(max-width:640px){.block-container{padding:4rem 1rem 1rem}} "
@@ -237,6 +241,26 @@ def _intervals(path: Path, finished: float | None, stamp: float) -> MapIntervals
 def intervals_of_job(job: Job) -> MapIntervals:
     """What a finished job of the kind "intervals" has found for the shipped map. Raises ``InputError``."""
     return _intervals(job.result, job.finished, _stamp())
+
+
+@st.cache_resource(max_entries=1, show_spinner=False)
+def _scores(stamp: float) -> pd.DataFrame:
+    return load_reference_scores(ARTIFACTS)
+
+
+@st.cache_resource(max_entries=2, show_spinner=False)
+def _ranking(stamp: float, kind: str) -> pd.DataFrame:
+    return ranking(_scores(stamp), kind)
+
+
+def reference_scores() -> pd.DataFrame:
+    """The shipped scores of all surrogates, read and checked once for each version of the file. Raises ``InputError``."""
+    return _scores(_stamp(SCORES))
+
+
+def reference_ranking(kind: str) -> pd.DataFrame:
+    """Models by the shipped scores, the best first; ``kind`` of cells as for ``evaluation.ranking``. Raises ``InputError``."""
+    return _ranking(_stamp(SCORES), kind)
 
 
 def block_scores() -> pd.DataFrame | None:

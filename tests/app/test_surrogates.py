@@ -46,8 +46,7 @@ def small_folder(tmp_path_factory):
 def small(small_folder, monkeypatch):
     for module in (artifacts, shared):
         monkeypatch.setattr(module, "ARTIFACTS", small_folder)
-    for loader in (artifacts.load_reference_map, artifacts.load_reference_scores):
-        monkeypatch.setattr(loader, "__defaults__", (small_folder,))
+    monkeypatch.setattr(artifacts.load_reference_map, "__defaults__", (small_folder,))
     st.cache_resource.clear()
     yield small_folder
     st.cache_resource.clear()
@@ -228,7 +227,8 @@ def test_model_ranking(small):
 def test_missing_scores_are_said_in_words(small, monkeypatch, tmp_path):
     (tmp_path / REFERENCE_MAP).write_bytes((small / REFERENCE_MAP).read_bytes())
     write_manifest(tmp_path)
-    monkeypatch.setattr(artifacts.load_reference_scores, "__defaults__", (tmp_path,))
+    monkeypatch.setattr(shared, "ARTIFACTS", tmp_path)
+    monkeypatch.setattr(artifacts.load_reference_map, "__defaults__", (tmp_path,))
     at = open_page("Model_ranking")
     assert not at.exception and SCORES in at.error[0].value
 
