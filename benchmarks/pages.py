@@ -2,8 +2,8 @@
 
     python benchmarks/pages.py [--floor]
 
-With ``--floor`` only what Streamlit and Plotly take by themselves: the first view of an empty page, and of one with a
-chart of two points.
+With ``--floor`` only what Streamlit and Plotly take by themselves, alone and with a second user: the first view of an empty
+page, and of one with a chart of two points.
 """
 
 import argparse
@@ -23,7 +23,7 @@ from take_pictures import dashboard, find_chromium  # noqa: E402
 GOALS = {"first view ever: verdict": 2.0, "first view ever: map seen": 2.0, "first view ever: map drawn": 2.0,
          "first view: verdict": 2.0, "first view: map seen": 2.0, "first view: map drawn": 2.0,
          "click to live verdict": 1.0, "another layer drawn": 2.0}
-SWITCH = 1.0
+SWITCH, VIEWS = 1.0, 7
 CLICKS = [(7.0, 6.0), (10.0, 5.0), (18.0, 4.5), (2.0, 5.0), (22.0, 4.0)]  # kg, bearing number
 DRAWN = """layer => { const plot = document.querySelector('.js-plotly-plot');
     return plot && plot.calcdata && plot._fullData.some(t => t.type === 'heatmap')
@@ -58,7 +58,7 @@ async def journey(browser, address, shift):
         found.setdefault(action, []).append(time.perf_counter() - began)
 
     context = await browser.new_context(viewport={"width": 1440, "height": 900})
-    for which in ("first view ever", *["first view"] * 3):  # later ones find the scripts in the browser
+    for which in ("first view ever", *["first view"] * VIEWS):  # later ones find the scripts in the browser
         page = await context.new_page()
         began = time.perf_counter()
         await page.goto(address)
@@ -77,7 +77,7 @@ async def journey(browser, address, shift):
 
         await asyncio.gather(verdict(), seen(), drawn())
         await page.wait_for_timeout(1000)
-        if len(found.get("first view: verdict", [])) < 3:
+        if len(found.get("first view: verdict", [])) < VIEWS:
             await page.close()
     for mass, number in CLICKS:
         found.setdefault("click to live verdict", []).append(await click_cell(page, mass + 0.3 * shift, number + 0.1 * shift))
@@ -116,7 +116,7 @@ EMPTY = "import streamlit as st\n\nst.write('Solved live')\n"
 CHART = EMPTY + "import plotly.graph_objects as go\n\nst.plotly_chart(go.Figure(go.Scatter(x=[1, 2], y=[3, 4])))\n"
 
 
-async def first_views(address, drawn, count=6):
+async def first_views(address, drawn, count=VIEWS + 1):
     """Seconds of first views in one browser, which is new for the first."""
     async with async_playwright() as p:
         browser = await p.chromium.launch(executable_path=find_chromium(), args=["--no-sandbox"])
@@ -133,6 +133,10 @@ async def first_views(address, drawn, count=6):
     return found
 
 
+async def at_once(address, drawn, users):
+    return await asyncio.gather(*(first_views(address, drawn) for _ in range(users)))
+
+
 def floor():
     for name, text, drawn in (("empty page", EMPTY, "() => document.body.innerText.includes('Solved live')"),
                               ("chart of two points", CHART, "() => document.querySelector('.js-plotly-plot')?.calcdata")):
@@ -141,8 +145,11 @@ def floor():
             script.write_text(text)
             with dashboard(script=script) as address:
                 asyncio.run(first_views(address, drawn, 1))  # warms the server
-                first, *later = asyncio.run(first_views(address, drawn))
-        print(f"{name}: new browser {first:.2f} s, again {statistics.median(later):.2f} s")
+                (first, *later), = asyncio.run(at_once(address, drawn, 1))
+                two = asyncio.run(at_once(address, drawn, 2))
+        again, with_second = statistics.median(later), statistics.median(two[0][1:] + two[1][1:])
+        print(f"{name}: new browser {first:.2f} s, again {again:.2f} s; with a second user {with_second:.2f} s, "
+              f"{with_second / again:.1f} times as long")
 
 
 def main():

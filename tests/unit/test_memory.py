@@ -1,11 +1,15 @@
-"""The dashboard's server shares a few arenas of memory among all threads (spab_core/ui/memory.py)."""
+"""The memory of the dashboard's server: shared arenas, and what is not searched for garbage (spab_core/ui/memory.py)."""
 
+import gc
 import os
 import platform
 import subprocess
 import sys
+import weakref
 
 import pytest
+
+from spab_core.ui.memory import spare_lasting_objects
 
 PROGRAM = """
 import ctypes, sys, tempfile, threading
@@ -43,3 +47,25 @@ def test_threads_share_two_arenas_once_the_server_has_asked():
         return int(done.stdout)
 
     assert arenas("bound") <= 2 < arenas("alone")
+
+
+def test_what_lasts_is_searched_for_garbage_twice_a_page_and_no_more():
+    """Python's own count of the objects left out; what comes later is still collected."""
+    class Node:
+        pass
+
+    page, before = f"a page of {os.getpid()}", gc.get_freeze_count()
+    spare_lasting_objects(page)
+    assert gc.get_freeze_count() == before
+    try:
+        spare_lasting_objects(page)
+        frozen = gc.get_freeze_count()
+        assert frozen > before + 10_000  # the modules imported here
+        node = Node()
+        node.itself, gone = node, weakref.ref(node)
+        del node
+        spare_lasting_objects(page)
+        gc.collect()
+        assert gc.get_freeze_count() <= frozen and gone() is None
+    finally:
+        gc.unfreeze()
