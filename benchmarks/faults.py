@@ -35,10 +35,11 @@ from spab_core import jobs  # noqa: E402
 ROOT = Path(__file__).resolve().parent.parent
 OPTIONS = ["--mesh", "2x16", "--transient", "20", "--revolutions", "20"]
 PLANE = ["--bearing-number", "2:4.5:10", "--rotor-mass", "3:18:15"]
+LARGE = ["--bearing-number", "2:4.5:30", "--rotor-mass", "3:18:30"]  # as long as the start of the command
 LINE = {"vary": "rotor-mass", "at": 3.0, "range": "4:12:30",
         "settings": {"mesh": "2x16", "transient": 20, "revolutions": 40, "early_stop": False}}
 COMMANDS = {
-    "map": ["map", *PLANE, *OPTIONS, "--workers", "2", "--out", "out.npz"],
+    "map": ["map", *LARGE, *OPTIONS, "--workers", "2", "--out", "out.npz"],
     "refine": ["refine", *PLANE, *OPTIONS, "--budget", "60", "--seed", "1", "--out", "out.npz"],
     "train": ["train", "--model", "neighbours", "--divisor", "8", "--out", "out.joblib"],
 }

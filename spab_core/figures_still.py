@@ -28,11 +28,15 @@ def _channels(scale) -> tuple[np.ndarray, np.ndarray]:
     return np.array([p for p, _ in scale], float), np.array(colours, float)
 
 
+def _limits(trace: go.Heatmap) -> tuple[float, float]:
+    """Values at the ends of a heatmap's colours."""
+    z = np.asarray(trace.z, float)
+    return (np.nanmin(z) if trace.zmin is None else trace.zmin), (np.nanmax(z) if trace.zmax is None else trace.zmax)
+
+
 def _image(trace: go.Heatmap) -> str:
     """A heatmap's cells as a PNG of one pixel each, in base64."""
-    z = np.asarray(trace.z, float)[::-1]
-    low = np.nanmin(z) if trace.zmin is None else trace.zmin
-    high = np.nanmax(z) if trace.zmax is None else trace.zmax
+    z, (low, high) = np.asarray(trace.z, float)[::-1], _limits(trace)
     place, colours = _channels(trace.colorscale)
     share = np.nan_to_num(np.clip((z - low) / ((high - low) or 1.0), 0.0, 1.0))
     rgba = np.stack([np.interp(share, place, c) for c in colours.T] + [np.where(np.isnan(z), 0.0, 255.0)], axis=-1)
@@ -92,9 +96,7 @@ def _bar(trace: go.Heatmap) -> str:
         return ""
     place, colours = _channels(trace.colorscale)
     stops = ",".join(f"rgb({r:.0f},{g:.0f},{b:.0f}) {100 * p:.1f}%" for p, (r, g, b) in zip(place, colours, strict=True))
-    z = np.asarray(trace.z, float)
-    low = np.nanmin(z) if trace.zmin is None else trace.zmin
-    high = np.nanmax(z) if trace.zmax is None else trace.zmax
+    low, high = _limits(trace)
     numbers = "".join(f'<i style="left:calc(100% + 29px);{at}:9px;translate:0 {by}50%">{v:.3g}</i>'
                       for at, by, v in (("bottom", "", low), ("top", "-", high)))
     title = html.escape(trace.colorbar.title.text)
