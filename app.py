@@ -142,7 +142,7 @@ try:
 finally:  # also where the point cannot be solved
     if words_first:
         if "opened" not in state:
+            state["opened"] = True
             time.sleep(PAINT)
         _show_map()
-state["opened"] = True
 orbit_place.plotly_chart(orbits, key="orbit", width="stretch")

@@ -28,7 +28,8 @@ CLICKS = [(7.0, 6.0), (10.0, 5.0), (18.0, 4.5), (2.0, 5.0), (22.0, 4.0)]  # kg, 
 DRAWN = """layer => { const plot = document.querySelector('.js-plotly-plot');
     return plot && plot.calcdata && plot._fullData.some(t => t.type === 'heatmap')
         && plot._fullData.some(t => t.name === 'chaotic') === (layer === 'Regime'); }"""
-SEEN = """() => [...document.querySelectorAll('.spab-still img')].some(i => i.complete && i.checkVisibility())"""
+SEEN = """() => document.querySelector('.heatmaplayer image')
+    || [...document.querySelectorAll('.spab-still img')].some(i => i.complete && i.checkVisibility())"""
 AT_REST = """old => { const title = document.querySelector('[data-testid=stMain] h4');
     return title && title.innerText !== old && document.querySelector('[data-test-script-state=notRunning]'); }"""
 

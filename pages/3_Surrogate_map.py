@@ -63,11 +63,12 @@ with errors_in_words():
 
 found = errors(m, predicted)
 row, column = _chosen_cell()
-place = mark_place("maps", (name, divisor, seed), (float(m.bearing_number[row]), float(m.rotor_mass[column])))
-figure = marked_surrogate_figure(place, name, divisor, int(seed))
+shown, chosen = (name, divisor, int(seed)), (float(m.bearing_number[row]), float(m.rotor_mass[column]))
+figure = marked_surrogate_figure(mark_place("maps", shown, chosen), *shown)
 lives = error_by_regime(m, predicted)
 with d:
-    downloads("surrogate", {"Maps": figure}, {
+    # not the page's own figure: its mark may stand where it was before a click (mark_place)
+    downloads("surrogate", {"Maps": lambda: marked_surrogate_figure(chosen, *shown)}, {
         "Predicted map": partial(prediction_table, m, predicted), "Errors": lives.rename_axis("cells").reset_index},
         {"npz": partial(prediction_npz, m, predicted)},
         f"spab predict --model {name} --divisor {divisor} --seed {int(seed)} --out predicted.npz")
