@@ -1,7 +1,6 @@
 """Home page: the stability map; a click or typed numbers choose an operating point: its margin, solved live beside it."""
 
 import math
-import time
 
 import streamlit as st
 
@@ -9,30 +8,31 @@ from spab_core.design import reference_design
 from spab_core.export import map_netcdf, map_table
 from spab_core.figures_map import HEIGHT, LAYERS, SURROGATE
 from spab_core.figures_point import orbit_figure
-from spab_core.integrate import is_compiled
+from spab_core.figures_still import orbit_still
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.stability_map import map_bytes
 from spab_core.surrogates import MODELS
 from spab_core.ui.clicks import clickable, mark_place
 from spab_core.ui.downloads import downloads
-from spab_core.ui.drawn import show_still
 from spab_core.ui.shared import (
+    HOME,
     LIVE,
     errors_in_words,
     linear_words,
     live_point,
     map_margin,
+    map_still,
     marked_map_figure,
-    marked_still,
     page_head,
     page_link,
     reference_map,
 )
+from spab_core.ui.still import listen_still, plotly_wanted, show_still
 from spab_core.ui.view import chosen_design, design_option, design_words, is_reference, point_options, set_design, set_point
 
-PAINT = 0.15  # s before a browser is told to load Plotly, which takes it a second: it paints words and picture before
+ORBIT_HEIGHT = 270  # pixels
 
-page_head("stability map")
+page_head(HOME)
 
 with errors_in_words():
     m = reference_map()
@@ -53,6 +53,7 @@ def _typed_speed():
 slowest, fastest = (design.speed_rpm(b) for b in BEARING_NUMBER_RANGE)
 state["rpm"] = min(max(design.speed_rpm(state["bearing_number"]), slowest), fastest)
 
+charted = "map_click" in state  # by this page's last run: the browser has both charts
 left, right = st.columns([1.15, 1], gap="medium")
 
 with left:
@@ -60,21 +61,19 @@ with left:
     layer = st.segmented_control("Layer", LAYERS, key="layer", label_visibility="collapsed") or LAYERS[0]
     model, divisor, draw = state["model"], state["divisor"], int(state["draw"])
     with errors_in_words():
-        shown = (layer, model, divisor, draw)
-        marked = mark_place("map", shown, (state["bearing_number"], state["rotor_mass"]))
-        picture, figure = marked_still(marked, *shown), marked_map_figure(marked, *shown)
-    map_place = st.container(key="map_box")
+        shown, place = (layer, model, divisor, draw), (state["bearing_number"], state["rotor_mass"])
+        if plotly_wanted():
+            place = mark_place("map", shown, place)
+        picture, figure = map_still(*shown), marked_map_figure(place, *shown)
+    map_place = st.container(key="map_box", gap=None)
     with map_place:
-        show_still(picture, "map_box", HEIGHT)
+        show_still(picture.marked(*place), "map_box", HEIGHT)
+        if not plotly_wanted():
+            listen_still(picture, "map", _clicked)
     told = f"Predicted by {MODELS[model].label} from n/{divisor} of the cells. " if layer == SURROGATE else ""
     st.caption(f"{told}Click a cell, or type the point. {m.shape[0]} × {m.shape[1]} cold starts on {m.metadata['mesh']} film "
                "nodes; the linear threshold is that of the static equilibrium without unbalance.")
     st.caption(f"Where map and linear theory disagree. {linear_words()}")
-
-
-def _show_map():
-    with map_place:
-        clickable(figure, "map", _clicked, config={"displaylogo": False, "scrollZoom": True})
 
 
 def _point():
@@ -112,7 +111,7 @@ def _point():
         cells[1].metric("Max. eccentricity", f"{point.max_eccentricity:.3f}", help="Largest of the journal, over the clearance")
         cells[2].metric("Time in contact", f"{100 * point.contact_share:.1f} %",
                         help="Share of the time with a film under a tenth of the clearance")
-    orbit = orbit_figure(point).update_layout(height=270, margin_t=30, legend_y=-0.3)
+    orbit = orbit_figure(point).update_layout(height=ORBIT_HEIGHT, margin_t=30, legend_y=-0.3)
     with st.container(horizontal=True, vertical_alignment="center"):
         page_link("Operating_point", "Operating point: section, spectrum, film")
         b0, b1, m0, m1 = (float(v) for v in (*m.bearing_number[[0, -1]], *m.rotor_mass[[0, -1]]))
@@ -132,17 +131,15 @@ def _point():
     return place, orbit
 
 
-# words first, where they need not wait for a compiler: while Plotly draws the browser shows nothing new for a second or two
-words_first = is_compiled()
-if not words_first:
-    _show_map()
+# words first: while Plotly draws the browser shows nothing new
 try:
     with right:
         orbit_place, orbits = _point()
 finally:  # also where the point cannot be solved
-    if words_first:
-        if "opened" not in state:
-            state["opened"] = True
-            time.sleep(PAINT)
-        _show_map()
-orbit_place.plotly_chart(orbits, key="orbit", width="stretch")
+    if plotly_wanted():
+        with map_place:
+            clickable(figure, "map", _clicked, config={"displaylogo": False, "scrollZoom": True})
+with orbit_place.container(key="orbit_box", gap=None):
+    show_still(None if charted else orbit_still(orbits), "orbit_box", ORBIT_HEIGHT)
+    if plotly_wanted():
+        st.plotly_chart(orbits, key="orbit", width="stretch")

@@ -65,6 +65,7 @@ def settled(page, seconds=180):
     page.wait_for_selector("[data-testid='stApp'][data-test-script-state='notRunning']", timeout=1000 * seconds)
     page.wait_for_function("""() => !document.querySelector("[data-testid='stSpinner'], [data-testid='stSkeleton']")
         && document.querySelector("[data-testid='stMain'] h4, [data-testid='stMain'] [data-testid='stHeading']")
+        && ![...document.querySelectorAll('.spab-still')].some(picture => picture.checkVisibility())
         && [...document.querySelectorAll('.stPlotlyChart')].every(c => !c.checkVisibility() || c.querySelector('.main-svg'))""",
                            timeout=1000 * seconds)
     page.wait_for_timeout(1200)

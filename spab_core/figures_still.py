@@ -1,4 +1,4 @@
-"""A map's figure as a plain picture, which a browser shows at once: Plotly takes it over a second to draw its own."""
+"""Figures of a map or of orbits as plain pictures, shown at once: Plotly takes a browser over a second to draw its own."""
 
 from __future__ import annotations
 
@@ -12,14 +12,18 @@ import plotly.graph_objects as go
 from PIL import Image
 from plotly.colors import hex_to_rgb, unlabel_rgb
 
-# pixels from the figure's edges to its axes, as Plotly has them beside a colour bar, and over a legend of two rows instead
-_LEFT, _TOP, _RIGHT, _BOTTOM = 67, 55, {True: 80, False: 5}, {True: 96, False: 125}
 _STYLE = """<style>
-.spab-still{position:relative;font-size:12px;line-height:1;pointer-events:none;color:rgba(128,132,149,1)}
-.spab-still *{position:absolute} .spab-still :is(i,b){font-style:normal;font-weight:400;white-space:nowrap}
-.spab-still b{font-size:14px} .spab-still img{inset:0;width:100%;height:100%;max-width:none;image-rendering:pixelated}
-.spab-still .spab-cross{inset:auto;width:20px;height:20px;left:var(--x);top:var(--y);translate:-50% -50%}
+.spab-still{position:relative;display:flex;flex-direction:column;font-size:12px;line-height:1}
+.spab-still :is(i,b){font-style:normal;font-weight:400;white-space:nowrap} .spab-still b{font-size:14px}
+.spab-plot{flex:1;position:relative;pointer-events:auto;cursor:crosshair;color:rgba(128,132,149,1)}
+.spab-plot *{position:absolute;pointer-events:none;user-select:none}
+.spab-plot img{inset:0;width:100%;height:100%;max-width:none;image-rendering:pixelated}
+.spab-plot .spab-cross{inset:auto;width:20px;height:20px;left:var(--x);top:var(--y);translate:-50% -50%}
+.spab-key{align-self:flex-start;display:flex;flex-wrap:wrap;padding-left:5px}
+.spab-key i{display:flex;align-items:center;height:29px;gap:5px;margin-right:7.5px} .spab-key s{width:30px}
+.spab-key s.spab-square{width:11px;height:11px;margin:0 10px}
 </style>"""
+_GRID = "rgba(128,132,149,0.2)"
 
 
 def _channels(scale) -> tuple[np.ndarray, np.ndarray]:
@@ -31,14 +35,15 @@ def _channels(scale) -> tuple[np.ndarray, np.ndarray]:
 def _limits(trace: go.Heatmap) -> tuple[float, float]:
     """Values at the ends of a heatmap's colours."""
     z = np.asarray(trace.z, float)
-    return (np.nanmin(z) if trace.zmin is None else trace.zmin), (np.nanmax(z) if trace.zmax is None else trace.zmax)
+    low, high = (np.nanmin(z) if trace.zmin is None else trace.zmin), (np.nanmax(z) if trace.zmax is None else trace.zmax)
+    return float(low), float(high if high > low else low + 1.0)
 
 
 def _image(trace: go.Heatmap) -> str:
     """A heatmap's cells as a PNG of one pixel each, in base64."""
     z, (low, high) = np.asarray(trace.z, float)[::-1], _limits(trace)
     place, colours = _channels(trace.colorscale)
-    share = np.nan_to_num(np.clip((z - low) / ((high - low) or 1.0), 0.0, 1.0))
+    share = np.nan_to_num(np.clip((z - low) / (high - low), 0.0, 1.0))
     rgba = np.stack([np.interp(share, place, c) for c in colours.T] + [np.where(np.isnan(z), 0.0, 255.0)], axis=-1)
     file = io.BytesIO()
     Image.fromarray(rgba.round().astype(np.uint8)).save(file, "PNG")
@@ -57,16 +62,37 @@ def _line(trace: go.Scatter, x_range, y_range) -> str:
     """A line as an SVG path in thousandths of the axes."""
     x = 1000.0 * (np.asarray(trace.x, float) - x_range[0]) / (x_range[1] - x_range[0])
     y = 1000.0 * (y_range[1] - np.asarray(trace.y, float)) / (y_range[1] - y_range[0])
-    words, pen = [], "M"
+    words, pen, last = [], "M", None
     for a, b in zip(x, y, strict=True):
         if np.isnan(a) or np.isnan(b):
             pen = "M"
             continue
-        words.append(f"{pen}{a:.0f} {b:.0f}")
-        pen = "L"
+        here = f"{a:.0f} {b:.0f}"
+        if pen == "M" or here != last:
+            words.append(pen + here)
+        pen, last = "L", here
     dash = ' stroke-dasharray="9"' if trace.line.dash == "dash" else ""
     return (f'<path d="{"".join(words)}" fill="none" stroke="{trace.line.color}" stroke-width="{trace.line.width}"{dash} '
             'vector-effect="non-scaling-stroke"/>')
+
+
+def _lines(figure: go.Figure) -> str:
+    """All its lines, as an image."""
+    x, y = figure.layout.xaxis.range, figure.layout.yaxis.range
+    return _svg(1000, "".join(_line(t, x, y) for t in figure.data
+                              if t.type == "scatter" and t.mode == "lines" and t.line.color))
+
+
+def _legend(figure: go.Figure, style: str) -> str:
+    """Names of traces beside a square or a piece of their lines."""
+    told = []
+    for t in figure.data:
+        if t.type != "scatter" or t.showlegend is False:
+            continue
+        look = (f'class="spab-square" style="background:{t.marker.color}"' if t.mode == "markers" else
+                f'style="border-top:{t.line.width}px {"dashed" if t.line.dash == "dash" else "solid"} {t.line.color}"')
+        told.append(f"<i><s {look}></s>{html.escape(t.name)}</i>")
+    return f'<div class="spab-key" style="{style}">{"".join(told)}</div>'
 
 
 def _svg(size: int, paths: str, kind: str = "") -> str:
@@ -76,32 +102,40 @@ def _svg(size: int, paths: str, kind: str = "") -> str:
     return f'<img alt="" decoding="sync" class="{kind}" src="data:image/svg+xml;base64,{source}">'
 
 
-def _axes(layout: go.Layout) -> str:
-    """Numbers and titles of the axes."""
-    told = [f'<b style="left:50%;bottom:-56px;translate:-50%">{html.escape(layout.xaxis.title.text)}</b>',
-            f'<b style="left:50%;top:-39px;translate:-50%">{html.escape(layout.xaxis2.title.text)}</b>',
-            f'<b style="left:-54px;top:50%;translate:-50% -50%;rotate:-90deg">{html.escape(layout.yaxis.title.text)}</b>']
-    for axis, most, numbers, place in ((layout.xaxis, 6, "g", "bottom:-31px"), (layout.xaxis2, 6, ",.0f", "top:-20px")):
-        low, high = axis.range
-        told += [f'<i style="left:{100 * (v - low) / (high - low):.2f}%;{place};translate:-50%">{v:{numbers}}</i>'
-                 for v in ticks(low, high, most)]
-    low, high = layout.yaxis.range
-    return "".join(told + [f'<i style="right:calc(100% + 14px);top:{100 * (high - v) / (high - low):.2f}%;translate:0 -50%">'
-                           f'{v:g}</i>' for v in ticks(low, high, 6)])
+def _axes(layout: go.Layout, low: int, left: int) -> str:
+    """Numbers and titles of the axes; ``low``, ``left``: pixels from the plot to the titles below and beside it."""
+    told = [f'<b style="left:50%;bottom:-{low}px;translate:-50%">{html.escape(layout.xaxis.title.text)}</b>',
+            f'<b style="left:-{left}px;top:50%;translate:-50% -50%;rotate:-90deg">{html.escape(layout.yaxis.title.text)}</b>']
+    axes = [(layout.xaxis, "g", "bottom:-31px")]
+    if "xaxis2" in layout:
+        told.append(f'<b style="left:50%;top:-39px;translate:-50%">{html.escape(layout.xaxis2.title.text)}</b>')
+        axes.append((layout.xaxis2, ",.0f", "top:-20px"))
+    for axis, numbers, place in axes:
+        a, b = axis.range
+        told += [f'<i style="left:{100 * (v - a) / (b - a):.2f}%;{place};translate:-50%">{_number(v, numbers)}</i>'
+                 for v in ticks(a, b, 6)]
+    a, b = layout.yaxis.range
+    told += [f'<i style="right:calc(100% + 14px);top:{100 * (b - v) / (b - a):.2f}%;translate:0 -50%">{_number(v)}</i>'
+             for v in ticks(a, b, 6)]
+    return "".join(told)
+
+
+def _number(value: float, kind: str = "g") -> str:
+    return f"{round(value, 9) + 0.0:{kind}}".replace("-", "−")
 
 
 def _bar(trace: go.Heatmap) -> str:
-    """The colour bar, without its inner numbers."""
+    """The colour bar."""
     if trace.showscale is False:
         return ""
     place, colours = _channels(trace.colorscale)
     stops = ",".join(f"rgb({r:.0f},{g:.0f},{b:.0f}) {100 * p:.1f}%" for p, (r, g, b) in zip(place, colours, strict=True))
     low, high = _limits(trace)
-    numbers = "".join(f'<i style="left:calc(100% + 29px);{at}:9px;translate:0 {by}50%">{v:.3g}</i>'
-                      for at, by, v in (("bottom", "", low), ("top", "-", high)))
+    numbers = "".join(f'<i style="left:16px;top:{100 * (high - v) / (high - low):.2f}%;translate:0 -50%">{_number(v)}</i>'
+                      for v in ticks(low, high, 6))
     title = html.escape(trace.colorbar.title.text)
-    return (f'<i style="left:calc(100% + 13px);top:10px;bottom:10px;width:13px;background:linear-gradient(0deg,{stops})"></i>'
-            f'{numbers}<b style="left:calc(100% + 62px);top:50%;translate:-50% -50%;rotate:-90deg">{title}</b>')
+    return (f'<div style="left:calc(100% + 13px);top:10px;bottom:10px;width:13px;background:linear-gradient(0deg,{stops})">'
+            f'{numbers}<b style="left:49px;top:50%;translate:-50% -50%;rotate:-90deg">{title}</b></div>')
 
 
 @dataclass(frozen=True)
@@ -114,28 +148,48 @@ class Still:
         HTML.
     x, y : tuple of float
         Ranges of the axes.
+    shape : tuple of int
+        Cells along x and y, of one size.
     """
 
     body: str
     x: tuple[float, float]
     y: tuple[float, float]
+    shape: tuple[int, int]
 
     def marked(self, x: float, y: float) -> str:
         """HTML of any width, a ``div`` of the class ``spab-still`` with its style; a cross at (x, y)."""
         left, top = ((x - self.x[0]) / (self.x[1] - self.x[0]), (self.y[1] - y) / (self.y[1] - self.y[0]))
-        place = f"--x:{100 * left:.2f}%;--y:{100 * top:.2f}%"
-        return f'{_STYLE}<div class="spab-still" aria-hidden="true" style="{place}">{self.body}</div>'
+        return self.body.replace("--cross", f"--x:{100 * left:.2f}%;--y:{100 * top:.2f}%", 1)
 
+
+def _still(height: int, inside: str) -> str:
+    return f'{_STYLE}<div class="spab-still" aria-hidden="true" style="height:{height}px;--cross">{inside}</div>'
+
+
+# Margins below are, in pixels, where Plotly puts the axes of these figures.
 
 def still(figure: go.Figure) -> Still:
     """The picture of a figure of ``figures_map.map_figure``: a heatmap, lines over it, a second horizontal axis."""
     heat = next(t for t in figure.data if t.type == "heatmap")
-    layout, x, y = figure.layout, figure.layout.xaxis.range, figure.layout.yaxis.range
-    lines = "".join(_line(t, x, y) for t in figure.data if t.type == "scatter" and t.mode == "lines" and t.line.color)
+    layout = figure.layout
     cross = "".join(f'<path d="M5 5L15 15M15 5L5 15" stroke="{colour}" stroke-width="{width}"/>'
                     for colour, width in (("#fff", 6), ("#000", 4)))
-    bar = heat.showscale is not False
-    box = f"left:{_LEFT}px;right:{_RIGHT[bar]}px;top:{_TOP}px;height:{layout.height - _TOP - _BOTTOM[bar]}px"
-    return Still(f'<div style="{box}"><img alt="" decoding="sync" src="data:image/png;base64,{_image(heat)}">'
-                 f'{_svg(1000, lines)}{_svg(20, cross, "spab-cross")}{_axes(layout)}{_bar(heat)}</div>', tuple(x),
-                 tuple(y))
+    right = 5 if heat.showscale is False else 80
+    body = (f'<div class="spab-plot" style="margin:55px {right}px 67px 67px">'
+            f'<img alt="" decoding="sync" src="data:image/png;base64,{_image(heat)}">{_lines(figure)}'
+            f'{_svg(20, cross, "spab-cross")}{_axes(layout, 56, 54)}{_bar(heat)}</div>'
+            f'{_legend(figure, "margin-left:67px;background:#fff;color:#000")}')
+    return Still(_still(layout.height, body), tuple(layout.xaxis.range), tuple(layout.yaxis.range), np.shape(heat.z)[::-1])
+
+
+def orbit_still(figure: go.Figure) -> str:
+    """The picture of a figure of ``figures_point.orbit_figure``: lines in a square; HTML as of :meth:`Still.marked`."""
+    layout = figure.layout
+    side, (low, high) = layout.height - 115, layout.xaxis.range
+    grid = "".join(f'<path d="M{at:.0f} 0V1000M0 {at:.0f}H1000" stroke="{_GRID}" vector-effect="non-scaling-stroke"/>'
+                   for at in 1000.0 * (ticks(low, high, 6) - low) / (high - low))
+    return _still(layout.height,
+                  f'<b style="position:absolute;left:4px;top:4px;font-weight:600">{html.escape(layout.title.text)}</b>'
+                  f'<div class="spab-plot" style="margin:30px 0 46px calc(50% + 20px - {side / 2}px);width:{side}px">'
+                  f'{_svg(1000, grid)}{_lines(figure)}{_axes(layout, 51, 50)}</div>{_legend(figure, "margin:0 0 10px 45px")}')

@@ -52,22 +52,3 @@ def drawn(key: Hashable, draw: Callable[[], go.Figure], *traces: dict) -> go.Fig
         while len(known) > _KEPT:
             del known[next(iter(known))]
     return _Drawn(ready | {"data": [*ready["data"], *traces]})
-
-
-def show_still(html: str, key: str, height: int) -> None:
-    """A plain picture in place of a chart with a heatmap until the browser has drawn that; called in the chart's container.
-
-    Parameters
-    ----------
-    html : str
-        Of ``figures_still.Still.marked``.
-    key : str
-        Of the container that holds this and the chart.
-    height : int
-        Of both, in pixels.
-    """
-    st.container(key=f"{key}_still").html(
-        f"<style>.st-key-{key}{{position:relative;min-height:{height}px}} "
-        f".st-key-{key}>:has(>.st-key-{key}_still){{position:absolute;inset:0;z-index:2;pointer-events:none}} "
-        f".st-key-{key} [data-testid=stSkeleton]{{visibility:hidden}} "
-        f".st-key-{key}:has(.heatmaplayer image) .st-key-{key}_still{{display:none}}</style>{html}")

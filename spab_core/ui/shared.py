@@ -42,10 +42,12 @@ from spab_core.stability_map import StabilityMap
 from spab_core.surrogates import linear_table_of, model
 from spab_core.ui.drawn import drawn
 from spab_core.ui.memory import bound_memory, spare_lasting_objects
+from spab_core.ui.still import want_plotly
 from spab_core.ui.view import open_view
 from spab_core.uncertainty import MapIntervals, load_intervals
 
 LIVE = Settings(transient=200, revolutions=200)
+HOME = "stability map"  # title of the only page with plain pictures
 LIVE_PATHS = 48  # orders of the spectrum are 1/48 apart; halves and thirds fall on them
 
 
@@ -64,6 +66,8 @@ def page_head(title: str) -> None:
             # Streamlit names the home page by its file, app.py
             "[data-testid=stSidebarNavItems] span[label=app] p{font-size:0} "
             "[data-testid=stSidebarNavItems] span[label=app] p::after{content:'Stability map';font-size:.875rem}</style>")
+    if title != HOME:
+        want_plotly()
     for complaint in open_view():
         st.error(complaint)
 
@@ -119,10 +123,9 @@ def _still(key: tuple, _draw: Callable[[], go.Figure]) -> Still:
     return still(_draw())
 
 
-def marked_still(point: tuple[float, float], layer: str, name: str, divisor: int, seed: int) -> str:
-    """The map as a plain picture, for :func:`drawn.show_still`; parameters and errors of :func:`marked_map_figure`."""
-    key, draw = _map_drawing(layer, name, divisor, seed)
-    return _still(key, draw).marked(*point)
+def map_still(layer: str, name: str, divisor: int, seed: int) -> Still:
+    """The map as a plain picture; parameters and errors of :func:`marked_map_figure`."""
+    return _still(*_map_drawing(layer, name, divisor, seed))
 
 
 def marked_surrogate_figure(point: tuple[float, float], name: str, divisor: int, seed: int) -> go.Figure:

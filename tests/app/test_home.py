@@ -25,8 +25,11 @@ APP = str(ROOT / "app.py")
 
 @pytest.fixture
 def app():
+    """The page with Plotly's charts in it, which the browser has sent for."""
     st.cache_resource.clear()
-    return AppTest.from_file(APP, default_timeout=240).run()
+    at = AppTest.from_file(APP, default_timeout=240)
+    at.session_state["plotly_wanted"] = True
+    return at.run()
 
 
 def charts(at):
@@ -62,6 +65,23 @@ def test_first_view(app):
     low, high = figures[0]["layout"]["xaxis"]["range"]
     assert figures[0]["layout"]["xaxis2"]["range"] == pytest.approx([m.design.speed_rpm(low), m.design.speed_rpm(high)])
     assert not app.query_params
+
+
+def test_until_plotly_is_wanted_there_are_plain_pictures():
+    """The same words, map and orbits as pictures; then the browser asks for the charts, which take their places."""
+    st.cache_resource.clear()
+    at = AppTest.from_file(APP, default_timeout=240).run()
+    assert not at.exception and not at.error and len(verdict(at)) == 1
+    assert not at.get("plotly_chart")
+    pictures = [h.proto.body for h in at.get("html") if "spab-still" in h.proto.body]
+    assert len(pictures) == 2 and "border of chaos" in pictures[0] and "Orbits, last 48 revolutions" in pictures[1]
+    picture = shared.map_still("MLE", "theory-trees", 8, 0)
+    assert pictures[0].endswith(picture.marked(3.45, 4.52))
+    assert picture.shape == load_reference_map().shape
+    at.session_state["plotly_wanted"] = True
+    at.run()
+    assert not at.exception and len(at.get("plotly_chart")) == 2 and mark(at) == [3.45, 4.52]
+    assert sum("spab-still" in h.proto.body for h in at.get("html")) == 2  # until Plotly has drawn
 
 
 def test_the_margin_stands_on_the_page(app):

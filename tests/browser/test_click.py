@@ -29,35 +29,84 @@ def _pictures():
     return module
 
 
-PLACES = """() => ['.spab-still > div', '.js-plotly-plot .nsewdrag', '.spab-still .spab-cross'].map(name => {
+PLACES = """() => ['.st-key-map_box .spab-plot', '.st-key-map .nsewdrag', '.st-key-map_box .spab-cross',
+                     '.st-key-orbit_box .spab-plot', '.st-key-orbit .nsewdrag'].map(name => {
     const r = document.querySelector(name)?.getBoundingClientRect();
     return r && [r.left, r.top, r.right, r.bottom]; })"""
+ASKED = "**/PlotlyChart*"
 
 
-def test_the_map_is_seen_before_plotly_is_there(chromium):
-    """The plain picture stands where Plotly draws the map later (to three pixels), with the cross, and gives way to it."""
-    tools, held = _pictures(), []
+def test_the_map_answers_before_plotly_is_there(chromium):
+    """The plain picture stands where Plotly draws later (to three pixels), takes clicks like it, and gives way to it.
+
+    Plotly is not sent for before the pointer rests, and its script is held back then until all is looked at.
+    """
+    tools, m, held = _pictures(), load_reference_map(), []
     with tools.dashboard() as address, tools.browser_page() as page:
         page.goto(address)  # compiles, draws
         tools.settled(page)
-        page.route("**/PlotlyChart*", lambda route: held.append(route))
-        page.goto(f"{address}/?rotor_mass=18&bearing_number=4.5")
+        page.route(ASKED, lambda route: held.append(route))
+        page.goto(f"{address}/?rotor_mass=7&bearing_number=6")
+        page.wait_for_selector("[data-answers]")
         page.get_by_text("Solved live").wait_for()
-        page.wait_for_function("() => document.querySelector('.spab-still .spab-cross').complete")
-        page.wait_for_selector("[data-testid=stSkeleton]", state="attached")  # in the chart's place
+        assert not held and not page.locator(".stPlotlyChart").count()
+        still, _, cross, orbit, _ = page.evaluate(PLACES)
+        assert place_on(still, cross, m) == pytest.approx([6.0, 7.0], abs=0.06)
+        row, column = m.nearest(18.0, 4.5)
+        page.mouse.click(*(still[k] + share * (still[k + 2] - still[k]) for k, share in (
+            (0, (row + 0.4) / m.shape[0]), (1, 1.0 - (column + 0.6) / m.shape[1]))))
+        page.get_by_text(point_words(m, row, column)).wait_for()
+        assert "bearing_number=4.5&rotor_mass=18" in page.url
+        assert place_on(still, page.evaluate(PLACES)[2], m) == pytest.approx([4.5, 18.0], abs=0.06)
+        page.wait_for_selector("[data-testid=stSkeleton]", state="attached")  # in the charts' places
         assert held and page.locator(".spab-still img").first.is_visible()
         Path(OUTPUT).mkdir(exist_ok=True)
         page.screenshot(path=OUTPUT / "still.png")
-        still, _, cross = page.evaluate(PLACES)
         for route in held:
             route.continue_()
         tools.settled(page)
         assert not page.locator(".spab-still img").first.is_visible()
-        drawn, axes = page.evaluate(PLACES)[1], page.evaluate(AXES)
-    assert still == pytest.approx(drawn, abs=3.0)
-    right, down = (((cross[k] + cross[k + 2]) / 2 - still[k]) / (still[k + 2] - still[k]) for k in (0, 1))
-    assert axes["x"][0] + right * (axes["x"][1] - axes["x"][0]) == pytest.approx(4.5, abs=0.06)
-    assert axes["y"][1] - down * (axes["y"][1] - axes["y"][0]) == pytest.approx(18.0, abs=0.06)
+        _, drawn, _, _, orbit_drawn = page.evaluate(PLACES)
+        axes, mark = page.evaluate(AXES), page.evaluate(MARKED)
+    assert still == pytest.approx(drawn, abs=3.0) and orbit == pytest.approx(orbit_drawn, abs=3.0)
+    assert mark == pytest.approx([18.0, 4.5], abs=0.06)
+    half = 0.5 * (m.bearing_number[1] - m.bearing_number[0])
+    assert axes["x"] == pytest.approx([m.bearing_number[0] - half, m.bearing_number[-1] + half])
+
+
+def place_on(plot, cross, m):
+    """Bearing number and rotor mass at the middle of a box within the plot's: cells are of one size."""
+    found = []
+    for k, axis in ((0, m.bearing_number), (1, m.rotor_mass)):
+        share = ((cross[k] + cross[k + 2]) / 2 - plot[k]) / (plot[k + 2] - plot[k])
+        found.append(float(axis[0] + ((1.0 - share if k else share) * len(axis) - 0.5) * (axis[1] - axis[0])))
+    return found
+
+
+def test_plotly_comes_when_it_is_wanted_at_once(chromium):
+    """A drag on the picture, or the wheel, is for zooming: the charts come without a pause, and the point stays."""
+    tools = _pictures()
+    with tools.dashboard() as address, tools.browser_page() as page:
+        for drag in (True, False):
+            page.goto(f"{address}/?bearing_number=6&rotor_mass=7")
+            page.wait_for_selector("[data-answers]")
+            page.get_by_text("Solved live").wait_for(timeout=240_000)
+            still = page.evaluate(PLACES)[0]
+            page.mouse.move(still[0] + 100, still[1] + 100)
+            if drag:
+                page.mouse.down()
+                page.mouse.move(still[0] + 200, still[1] + 250, steps=4)
+                page.mouse.up()
+            else:
+                page.mouse.wheel(0, 100)
+            for k in range(100):  # a pointer that never rests would not ask for them by itself
+                page.mouse.move(still[0] + 200 + k, still[1] + 250)
+                if page.locator(".stPlotlyChart").count():
+                    break
+                page.wait_for_timeout(100)
+            assert page.locator(".stPlotlyChart").count()
+            tools.settled(page)
+            assert "bearing_number=6&rotor_mass=7" in page.url
 
 
 def test_click_a_cell(chromium):

@@ -1,10 +1,11 @@
-"""The plain picture of the map (spab_core/figures_still.py) shows what the Plotly figure shows, where it shows it."""
+"""The plain pictures of map and orbits (spab_core/figures_still.py) show what the Plotly figures show, where they show it."""
 
 import base64
 import io
 import re
 
 import numpy as np
+import plotly.graph_objects as go
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,7 +13,7 @@ from PIL import Image
 from plotly.colors import sample_colorscale, unlabel_rgb
 
 from spab_core.figures_map import LAYERS, map_figure
-from spab_core.figures_still import still, ticks
+from spab_core.figures_still import orbit_still, still, ticks
 from spab_core.surrogates import linear_table_of
 from tests.unit.test_surrogates import map_of, plane, with_hole
 
@@ -59,6 +60,22 @@ def test_every_layer_has_a_picture_with_axes_in_units(layer):
     html = still(map_figure(m, layer)).marked(float(m.bearing_number[0]), float(m.rotor_mass[0]))
     assert "Bearing number Λ" in html and "Rotor mass on one bearing, kg" in html and "Shaft speed, rpm" in html
     assert html.count("base64,") == 3 and ("linear-gradient" in html) == (layer != "Regime")
+    assert "border of chaos" in html and ("chaotic</i>" in html) == (layer == "Regime")  # the legend
+
+
+def test_orbits_are_drawn_to_scale():
+    """A circle of half the clearance, of known points: where each stands in thousandths of the axes."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 5)
+    figure = go.Figure(go.Scatter(x=0.5 * np.cos(angle), y=0.5 * np.sin(angle), mode="lines", name="journal",
+                                  line={"color": "#0072B2", "width": 1}))
+    figure.update_layout(title="Orbits", height=270, xaxis={"title": "X / C", "range": [-1.25, 1.25]},
+                         yaxis={"title": "Y / C", "range": [-1.25, 1.25]})
+    html = orbit_still(figure)
+    grid, lines = (text.decode() for text in sources(html))
+    assert 'd="M700 500L500 300L300 500L500 700L700 500"' in lines
+    assert [float(v) for v in re.findall(r"M([0-9.]+) 0V", grid)] == [100, 300, 500, 700, 900]  # -1, -0.5, 0, 0.5, 1
+    assert all(f">{text}</" in html for text in ("Orbits", "journal", "X / C", "Y / C", "−0.5", "0", "1"))
+    assert "width:155px" in html  # square: of the height less margins
 
 
 @given(low=st.floats(-1e6, 1e6), width=st.floats(1e-3, 1e6), most=st.integers(3, 10))
