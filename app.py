@@ -1,7 +1,5 @@
 """Home page: the stability map; a click or typed numbers choose an operating point: its margin, solved live beside it."""
 
-import math
-
 import streamlit as st
 
 from spab_core.design import reference_design
@@ -28,9 +26,18 @@ from spab_core.ui.shared import (
     reference_map,
 )
 from spab_core.ui.still import listen_still, plotly_wanted, show_still
-from spab_core.ui.view import chosen_design, design_option, design_words, is_reference, point_options, set_design, set_point
+from spab_core.ui.view import (
+    chosen_design,
+    design_option,
+    design_words,
+    is_reference,
+    point_options,
+    set_design,
+    set_point,
+    set_speed,
+)
 
-ORBIT_HEIGHT = 270  # pixels
+ORBIT_HEIGHT = 250  # pixels
 
 page_head(HOME)
 
@@ -46,8 +53,7 @@ def _clicked(number, mass):
 
 def _typed_speed():
     if state["rpm"] is not None:  # an emptied field keeps the speed
-        number = design.bearing_number(state["rpm"] * math.pi / 30.0)
-        set_point(state["rotor_mass"], min(max(number, BEARING_NUMBER_RANGE[0]), BEARING_NUMBER_RANGE[1]))
+        set_speed(design, state["rotor_mass"], state["rpm"])
 
 
 slowest, fastest = (design.speed_rpm(b) for b in BEARING_NUMBER_RANGE)
@@ -102,15 +108,15 @@ def _point():
     box = {"periodic": verdict.success, "quasi-periodic": verdict.warning}.get(point.regime.name if point.regime else "",
                                                                                verdict.error)
     box(point.verdict())
+    numbers, place = st.columns([1, 1.7], gap="small", vertical_alignment="center")
     if point.mle:
-        cells = st.columns([1.5, 1, 1])
         error = point.mle.standard_error
-        cells[0].metric("MLE per revolution", f"{point.mle.value:+.3f} ± {f'{error:.3f}' if error >= 0.0005 else '<0.001'}",
-                        help="Maximum Lyapunov exponent, natural logarithm, ± its standard error: below zero periodic, zero "
-                             "quasi-periodic, above zero chaotic")
-        cells[1].metric("Max. eccentricity", f"{point.max_eccentricity:.3f}", help="Largest of the journal, over the clearance")
-        cells[2].metric("Time in contact", f"{100 * point.contact_share:.1f} %",
-                        help="Share of the time with a film under a tenth of the clearance")
+        numbers.metric("MLE per revolution", f"{point.mle.value:+.3f} ± {f'{error:.3f}' if error >= 0.0005 else '<0.001'}",
+                       help="Maximum Lyapunov exponent, natural logarithm, ± its standard error: below zero periodic, zero "
+                            "quasi-periodic, above zero chaotic")
+        numbers.metric("Max. eccentricity", f"{point.max_eccentricity:.3f}", help="Largest of the journal, over the clearance")
+        numbers.metric("Time in contact", f"{100 * point.contact_share:.1f} %",
+                       help="Share of the time with a film under a tenth of the clearance")
     orbit = orbit_figure(point).update_layout(height=ORBIT_HEIGHT, margin_t=30, legend_y=-0.3)
     with st.container(horizontal=True, vertical_alignment="center"):
         page_link("Operating_point", "Operating point: section, spectrum, film")
@@ -125,7 +131,7 @@ def _point():
         # not the page's own figure: its mark may stand where it was before a click (mark_place)
         downloads("stability_map", {"Map": lambda: marked_map_figure((number, mass), *shown), "Orbit": orbit},
                   {"Map": lambda: map_table(m)}, {"npz": lambda: map_bytes(m), "nc": lambda: map_netcdf(m)}, command)
-    place, t = st.container(), point.trajectory
+    t = point.trajectory
     st.caption(f"Solved live: {t.completed} revolutions from rest{', settled on a periodic orbit' if t.settled else ''}, "
                f"{t.wall_seconds:.2f} s on {point.settings.mesh} film nodes, at Λ {number:.4g} and {mass:.4g} kg.")
     return place, orbit

@@ -17,9 +17,9 @@ state = st.session_state
 
 head = st.container()
 a, b, c, d, e, f = st.columns([1, 1, 0.8, 0.8, 1.6, 0.8], vertical_alignment="bottom")
-a.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, key="bearing_number", step=0.05, format="%.3f",
+a.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, None, key="bearing_number", step=0.05, format="%.3f",
                help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
-b.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%.3f",
+b.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, None, key="rotor_mass", step=0.1, format="%.3f",
                help="Whole rotor mass that one bearing carries")
 with c.popover("Design", icon=":material/tune:", width="stretch"):
     ui.design_controls()
@@ -52,12 +52,17 @@ for box, (one, at, words, key) in zip(st.columns(len(sides), gap="medium"), side
             ui.verdict_panel(point)
 
 
+LOW = {"spectrum": 315, "film": 290}  # pixels: with two designs side by side the page has a title and an axis more
+
+
 def show(name: str, figure, key: str) -> None:
+    if compare:
+        figure.update_layout(height=min(figure.layout.height, LOW.get(name, 380)))
     st.plotly_chart(figure, key=f"{name}_{key}", width="stretch", config={"displaylogo": False})
 
 
 def overview(point, key: str) -> None:
-    tall = {"height": 380 if compare else 420}
+    tall = {"height": 300 if compare else 420}
     orbit = draw.orbit_figure(point, ui.run_up_of(point)).update_layout(tall)
     if point.mle is None:
         show("orbit", orbit, key)
@@ -78,13 +83,13 @@ def tab_content(name: str, point, key: str) -> None:
         st.info("The run did not complete: there is nothing to show but its run-up, in the overview.")
     elif name == "Orbits":
         bodies = ["journal"] if point.design.rigid else ["journal", "disc"]
-        for box, body in zip([st.container()] * 2 if compare else st.columns(2), bodies, strict=False):
+        for box, body in zip(st.columns(2), bodies, strict=False):
             with box:
                 show(body, draw.body_figure(point, body, ui.run_up_of(point)), key)
     elif name == "Film 3-D":
         film(point, key)
     else:
-        figure = {"Spectrum": lambda: ui.spectrum_of(point, 4).update_layout(height=480),
+        figure = {"Spectrum": lambda: ui.spectrum_of(point, 4).update_layout(height=405),
                   "Signals": partial(draw.signals_figure, point),
                   "Forces": lambda: draw.forces_figure(ui.revolution_of(point)),
                   "Exponent": lambda: draw.exponent_figure(point).update_layout(height=440)}[name]()
@@ -107,7 +112,7 @@ if shown:
         if tab.open:
             with tab, errors_in_words():
                 if name == "Film 3-D":
-                    colour = st.segmented_control("Colour", draw.QUANTITIES, default=draw.QUANTITIES[0], key="film_colour",
+                    colour = st.segmented_control("Colour", draw.QUANTITIES, key="film_colour",
                                                   required=True, label_visibility="collapsed")
                 for box, (p, key) in zip(st.columns(len(shown), gap="medium"), shown, strict=True):
                     with box:

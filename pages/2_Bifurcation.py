@@ -47,7 +47,7 @@ if kind == "paper":
             other, value = (number, mass) if over_mass else (mass, number)
             title = f"Over rotor mass at Λ = {line.at:g}" if over_mass else f"Over bearing number at {line.at:g} kg"
             line_view(line, coordinates, sweeps, value if is_reference() and other == line.at else None, title,
-                      name=f"bifurcation_{line.vary}", file=ARTIFACTS / name, command=line_command(line, sweeps), height=480)
+                      name=f"bifurcation_{line.vary}", file=ARTIFACTS / name, command=line_command(line, sweeps), height=415)
     st.caption(f"Reference bearing, {line.metadata['mesh']} film nodes, {line.metadata['transient']} + "
                f"{line.metadata['revolutions']} revolutions a point, shipped with spab.")
     st.stop()
@@ -55,13 +55,13 @@ if kind == "paper":
 over_mass = kind == "rotor-mass"
 along, limits, unit = ("mass", ROTOR_MASS_RANGE, "kg") if over_mass else ("number", BEARING_NUMBER_RANGE, "Λ")
 row = st.container(horizontal=True, vertical_alignment="bottom")
-number = row.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, key="bearing_number", step=0.05, format="%.3f",
+number = row.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, None, key="bearing_number", step=0.05, format="%.3f",
                           help="Of the chosen point, the same on every page", width=160)
-mass = row.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%.3f",
+mass = row.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, None, key="rotor_mass", step=0.1, format="%.3f",
                         help="Of the chosen point, on one bearing", width=160)
-start = row.number_input(f"From, {unit}", *limits, key=f"{along}_from", step=0.1, format="%.3f", width=160)
-stop = row.number_input(f"To, {unit}", *limits, key=f"{along}_to", step=0.1, format="%.3f", width=160)
-count = row.number_input("Points", 2, 2000, key="points", step=10, width=160)
+start = row.number_input(f"From, {unit}", *limits, None, key=f"{along}_from", step=0.1, format="%.3f", width=160)
+stop = row.number_input(f"To, {unit}", *limits, None, key=f"{along}_to", step=0.1, format="%.3f", width=160)
+count = row.number_input("Points", 2, 2000, None, key="points", step=10, width=160)
 with row.popover("Solver", icon=":material/memory:"):
     solver_controls(cost=False)
 

@@ -55,7 +55,7 @@ name = a.selectbox("Model", names, key="model",
                    help="Paper: the four of Kuo, Lee and Wang. Interpolation: what a designer would do without them.")
 divisor = b.segmented_control("Cells trained on, of n solved ones", DIVISORS, key="divisor",
                               format_func=lambda k: f"n/{k}") or 8
-seed = c.number_input("Draw", 0, 999, key="draw",
+seed = c.number_input("Draw", 0, 999, None, key="draw",
                       help="Which cells are drawn to train on: another number, other cells")
 
 with errors_in_words():
@@ -69,7 +69,7 @@ lives = error_by_regime(m, predicted)
 with d:
     # not the page's own figure: its mark may stand where it was before a click (mark_place)
     downloads("surrogate", {"Maps": lambda: marked_surrogate_figure(chosen, *shown)}, {
-        "Predicted map": partial(prediction_table, m, predicted), "Errors": lives.rename_axis("cells").reset_index},
+        "Predicted map": partial(prediction_table, m, predicted), "Errors": lives.rename_axis("where").reset_index},
         {"npz": partial(prediction_npz, m, predicted)},
         f"spab predict --model {name} --divisor {divisor} --seed {int(seed)} --out predicted.npz")
 spread = float(np.nanstd(m.mle))
@@ -89,7 +89,7 @@ if predicted.surrogate.converged is False:
 with st.container(key="wide_maps"):
     clickable(figure, "maps", _clicked, "x3", config={"displaylogo": False, "scrollZoom": True})
 
-sure, cell, beside = None, _chosen_cell(), state.get("beside", False)
+sure, cell, beside = None, _chosen_cell(), state["beside"]
 number, mass = (float(f"{axis[k]:.6g}") for axis, k in zip((m.bearing_number, m.rotor_mass), cell, strict=True))
 a, b = st.columns([3, 1], vertical_alignment="center")
 if beside:
@@ -101,7 +101,7 @@ if beside:
 else:
     a.info("Click a cell of the error map: the prediction there is compared with the live solve.")
     b.button(f"Compare at Λ {number:.4g}, {mass:.4g} kg", key="compare_here", width="stretch", on_click=_compare)
-if beside or state.get("sure"):
+if beside or state["sure"]:
     job = job_panel("intervals", {"model": name, "divisor": divisor, "seed": int(seed)}, "Compute its 90 % intervals",
                     "intervals", auto=True)
     with errors_in_words():

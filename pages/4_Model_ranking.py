@@ -21,7 +21,7 @@ from spab_core.ui.shared import (
     reference_ranking,
     reference_scores,
 )
-from spab_core.ui.view import chosen_design, design_words
+from spab_core.ui.view import CELLS, METRICS, chosen_design, design_words
 
 page_head("model ranking")
 
@@ -31,9 +31,9 @@ with errors_in_words():
 st.markdown("#### Which model predicts the map best?")
 st.success(suggestion(best_first))
 a, b, c = st.columns([2, 2.4, 0.9], vertical_alignment="bottom")
-metric = a.segmented_control("Error", ("rmse", "mae"), default="rmse", key="metric", format_func=str.upper) or "rmse"
-kind = b.segmented_control("Over", ("held_out", "all"), default="held_out", key="cells", format_func=lambda k: {
-    "held_out": "held-out cells", "all": "whole map (as the paper counts)"}[k]) or "held_out"
+metric = a.segmented_control("Error", METRICS, key="metric", format_func=str.upper) or METRICS[0]
+kind = b.segmented_control("Over", CELLS, key="cells", format_func=lambda k: {
+    "held_out": "held-out cells", "all": "whole map (as the paper counts)"}[k]) or CELLS[0]
 
 column = f"{metric}_{kind}"
 found = table(scores, column)[best_first.index]  # the best first

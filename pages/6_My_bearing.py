@@ -9,7 +9,7 @@ from spab_core.figures_bearing import coefficient_figure
 from spab_core.ui.bearing import coefficient_downloads, derived_now, over_speed, over_whirl
 from spab_core.ui.design_form import design_form
 from spab_core.ui.shared import errors_in_words, page_head
-from spab_core.ui.view import chosen_design, design_option, point_options
+from spab_core.ui.view import AGAINST, chosen_design, design_option, point_options
 
 page_head("my bearing")
 
@@ -69,19 +69,18 @@ with right:
     numbers(found)
     if found.status == "ok":
         a, b = st.columns([2, 1], vertical_alignment="bottom")
-        against = a.segmented_control("Stiffness and damping of the film against", ("whirl frequency", "shaft speed"),
-                                      default="whirl frequency", key="my_against") or "whirl frequency"
+        against = a.segmented_control("Stiffness and damping of the film against", AGAINST, key="against") or AGAINST[0]
         with b:
             coefficient_downloads(design, mass, number,
                                   f"spab design coefficients{design_option()} --rotor-mass {mass:g} --rpm "
                                   f"{0.25 * found.speed_rpm:.0f}:{1.5 * found.speed_rpm:.0f}:26 --out bearing.xlsx")
-        if against == "whirl frequency":
+        if against == AGAINST[0]:
             figure = coefficient_figure(over_whirl(design, mass, number), "frequency", found.whirl and found.whirl.ratio)
         else:
             with st.spinner("Linearising at 26 speeds …"), errors_in_words():
                 figure = coefficient_figure(over_speed(design, mass, number, LEAST_STABLE), "speed", found.speed_rpm)
         st.plotly_chart(figure, key="coefficients", width="stretch")
-        st.caption("Dotted, if in range: the rotor's least stable whirl. 1: synchronous." if against == "whirl frequency"
+        st.caption("Dotted, if in range: the rotor's least stable whirl. 1: synchronous." if against == AGAINST[0]
                    else "Dotted: this speed. Each at the rotor's least stable whirl: these give the right limit of stability.")
         st.dataframe(rows(found), column_config={
             "_index": st.column_config.Column("N/m, N s/m", width=98),

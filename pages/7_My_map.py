@@ -3,30 +3,31 @@
 import streamlit as st
 
 from spab_core.export import map_table
-from spab_core.quick_map import SECONDS, check_cluster, check_quick_map, usual_plane
+from spab_core.quick_map import check_cluster, check_quick_map, usual_plane
 from spab_core.report import report_html, report_pdf
+from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.ui import own_map
 from spab_core.ui.clicks import clickable, mark_place
 from spab_core.ui.downloads import downloads
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.own_report import report_page
 from spab_core.ui.shared import errors_in_words, page_head
-from spab_core.ui.view import chosen_design, design_option, design_words, set_point
+from spab_core.ui.view import OWN_LAYERS, OWN_MINUTES, chosen_design, design_option, design_words, set_point, show_usual
 
 page_head("my map")
 design, state = chosen_design(), st.session_state
 st.markdown(f"#### Map of my bearing: {design_words()}")
 usual = usual_plane(design)
 row = st.container(horizontal=True, vertical_alignment="bottom")
-number = row.text_input("Bearing numbers Λ, start:stop:count", usual[0], key="own_numbers", width=230, max_chars=60)
-mass = row.text_input("Rotor masses in kg, start:stop:count", usual[1], key="own_masses", width=230, max_chars=60)
-minutes = row.number_input("Minutes", 0.5, 600.0, SECONDS / 60.0, 0.5, key="own_minutes", width=110,
+number = row.text_input("Bearing numbers Λ, start:stop:count", **show_usual("own_numbers", usual[0]), width=230, max_chars=60)
+mass = row.text_input("Rotor masses in kg, start:stop:count", **show_usual("own_masses", usual[1]), width=230, max_chars=60)
+minutes = row.number_input("Minutes", *OWN_MINUTES, None, 0.5, key="own_minutes", width=110,
                            help="Wall time of the computation; more minutes solve more cells near the borders")
 with row.popover("Cluster", icon=":material/lan:"):
     cluster = st.text_input("Dask scheduler", key="own_dask", placeholder="tcp://host:8786", max_chars=200,
                             help="Solve on a cluster of yours instead of this machine (docs/scaling.md). Its answers are code "
                                  "to this server: give only an address that you trust")
-layer = row.segmented_control("Layer", own_map.LAYERS, default=own_map.LAYERS[0], key="own_layer", required=True)
+layer = row.segmented_control("Layer", OWN_LAYERS, key="own_layer", required=True)
 with errors_in_words():
     check_quick_map(number, mass, 60.0 * minutes)
     parameters = {"design": design.to_dict(), "bearing_number": number, "rotor_mass": mass, "seconds": 60.0 * minutes,
@@ -66,8 +67,8 @@ if found:
     with right:
         at = own_map.margin_in_map(m, state["rotor_mass"], state["bearing_number"])
         a, b = st.columns(2)
-        a.number_input("Bearing number Λ", key="bearing_number", step=0.05, format="%.4g")
-        b.number_input("Rotor mass, kg", key="rotor_mass", step=0.1, format="%.4g")
+        a.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, None, key="bearing_number", step=0.05, format="%.4g")
+        b.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, None, key="rotor_mass", step=0.1, format="%.4g")
         if at is None:
             st.warning("The chosen point lies outside this map.")
         else:

@@ -13,27 +13,27 @@ from spab_core.ui.downloads import downloads
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.lines import line_command, line_of_job
 from spab_core.ui.shared import digits, errors_in_words, live_point, page_head
-from spab_core.ui.view import chosen_design, design_option, design_words
-from spab_core.what_if import AXES, SCAN, STEPS, load_sensitivity, regime_intervals
+from spab_core.ui.view import SCANS, SPEEDS, WHAT_TABS, chosen_design, design_option, design_words, show_usual
+from spab_core.what_if import AXES, STEPS, load_sensitivity, regime_intervals
 
 page_head("what if")
 design, state = chosen_design(), st.session_state
 st.markdown(f"#### What if: {design_words()}")
 row = st.container(horizontal=True, vertical_alignment="bottom")
-number = row.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, key="bearing_number", step=0.05, format="%.3f", width=160,
-                          help="Of the chosen point, the same on every page")
-mass = row.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%.3f", width=160,
+number = row.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, None, key="bearing_number", step=0.05, format="%.3f",
+                          width=160, help="Of the chosen point, the same on every page")
+mass = row.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, None, key="rotor_mass", step=0.1, format="%.3f", width=160,
                         help="Of the chosen point, on one bearing")
 rpm = design.speed_rpm(number)
 row.markdown(f"at **{rpm:,.0f} rpm**: the machine keeps its mass and speed when its bearing changes")
-drawing, run_up, two = st.tabs(["Change the drawing", "Run-up", "Two designs"], key="what_tab", on_change="rerun")
+drawing, run_up, two = st.tabs(WHAT_TABS, key="what_tab", on_change="rerun")
 
 
 def change_the_drawing() -> None:
     row = st.container(horizontal=True, vertical_alignment="bottom")
-    axis = row.segmented_control("Margin in", AXES, default=AXES[0], key="what_axis", required=True)
-    step = row.number_input("Change of each value, %", 100 * STEPS[0], 100 * STEPS[1], 10.0, 1.0, key="what_step", width=200)
-    scan = row.number_input("Points sought to each side", 4, 100, SCAN, key="what_scan", width=200,
+    axis = row.segmented_control("Margin in", AXES, key="what_axis", required=True)
+    step = row.number_input("Change of each value, %", 100 * STEPS[0], 100 * STEPS[1], None, 1.0, key="what_step", width=200)
+    scan = row.number_input("Points sought to each side", *SCANS, None, key="what_scan", width=200,
                             help="From half to twice the operating point; a band narrower than their distance can be missed")
     with errors_in_words():
         asked = {"design": design.to_dict(), "rotor_mass": mass, "speed_rpm": rpm, "axis": axis, "step": step / 100.0,
@@ -63,9 +63,10 @@ def change_the_drawing() -> None:
 def run_the_machine_up() -> None:
     row = st.container(horizontal=True, vertical_alignment="bottom")
     low, high = (design.speed_rpm(limit) for limit in BEARING_NUMBER_RANGE)
-    first = row.number_input("From, rpm", low, high, max(0.05 * rpm, low), key="run_from", format="%.0f", width=160)
-    last = row.number_input("To, rpm", low, high, min(1.5 * rpm, high), key="run_to", format="%.0f", width=160)
-    count = row.number_input("Speeds", 10, 1000, 100, key="run_count", width=160)
+    first, last = (row.number_input(f"{name}, rpm", low, high, None, **show_usual(key, usual, (low, high)), format="%.0f",
+                                    width=160)
+                   for name, key, usual in (("From", "run_from", 0.05 * rpm), ("To", "run_to", 1.5 * rpm)))
+    count = row.number_input("Speeds", *SPEEDS, None, key="run_count", width=160)
     with errors_in_words():
         start, stop = first / design.speed_rpm(1.0), last / design.speed_rpm(1.0)
         asked = {"design": design.to_dict(), "vary": "bearing-number", "at": mass, "range": f"{start!r}:{stop!r}:{int(count)}",
@@ -88,7 +89,7 @@ def run_the_machine_up() -> None:
 
 def two_designs() -> None:
     row = st.container(horizontal=True, vertical_alignment="bottom")
-    name = row.selectbox("Compare with", list(PRESETS), index=1, key="two_preset", width=260,
+    name = row.selectbox("Compare with", list(PRESETS), key="two_preset", width=260,
                          format_func=lambda k: PRESETS[k].label)
     file = row.file_uploader("or a design file (TOML)", "toml", key="two_file", width=420)
     with errors_in_words():

@@ -15,7 +15,7 @@ from spab_core.surrogates import PredictedMap
 
 LAYERS = ("MLE", "Regime", "Contact share", "Largest eccentricity", "Surrogate prediction")
 SURROGATE = LAYERS[-1]
-HEIGHT = 590  # pixels
+HEIGHT = 560  # pixels
 _REGIMES = (  # label, colour, whether (regime, period) belongs
     ("periodic-1", "#56B4E9", lambda r, p: (r == "periodic") & (p == 1)),
     ("periodic-2", "#0072B2", lambda r, p: (r == "periodic") & (p == 2)),

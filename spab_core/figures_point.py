@@ -157,7 +157,7 @@ def signals_figure(point: OperatingPoint, revolutions: int = 8) -> go.Figure:
                                line={"color": colour, "width": 1.5, "dash": "solid" if row == 1 else "dot"}, row=row, col=1)
         figure.update_yaxes(title=f"{body}, / C", row=row, col=1)
     figure.update_xaxes(title="revolutions since the start", row=2, col=1)
-    return figure.update_layout(title={"text": f"Positions over the last {count} revolutions", **_TITLE}, height=480,
+    return figure.update_layout(title={"text": f"Positions over the last {count} revolutions", **_TITLE}, height=465,
                                 margin={"l": 60, "r": 10, "t": 40, "b": 40}, hovermode="x",
                                 legend={"orientation": "h", "y": -0.14, "x": 0})
 
@@ -178,7 +178,7 @@ def forces_figure(revolution: Revolution) -> go.Figure:
                            line={"color": NEUTRAL, "width": 3}, opacity=0.5, **common)
         figure.update_yaxes(title=f"{axis}, N", row=row, col=1)
     figure.update_xaxes(title="shaft angle, degrees", range=[0, 360], dtick=45, row=2, col=1)
-    return figure.update_layout(title={"text": "Forces over one revolution", **_TITLE}, height=480, hovermode="x",
+    return figure.update_layout(title={"text": "Forces over one revolution", **_TITLE}, height=465, hovermode="x",
                                 margin={"l": 60, "r": 10, "t": 40, "b": 40}, legend={"orientation": "h", "y": -0.14, "x": 0})
 
 
@@ -244,7 +244,7 @@ def film_figure(revolution: Revolution, colour: str = "Pressure") -> go.Figure:
     play = still | {"frame": {"duration": 90, "redraw": True}, "fromcurrent": True}
     hidden, flat = {"visible": False, "range": [-1.2, 1.2]}, float(up.max())
     return figure.update_layout(
-        height=430, margin={"l": 0, "r": 0, "t": 0, "b": 80}, uirevision="film",
+        height=380, margin={"l": 0, "r": 0, "t": 0, "b": 80}, uirevision="film",
         scene={"xaxis": hidden, "yaxis": hidden, "zaxis": {"visible": False, "range": [-1.2 * flat, 1.2 * flat]},
                "aspectmode": "manual", "aspectratio": {"x": 1.0, "y": 1.0, "z": flat},
                "camera": {"eye": {"x": 0.6, "y": -0.92, "z": 0.8}}},

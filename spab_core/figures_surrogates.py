@@ -99,7 +99,7 @@ def reliability_figure(bins: pd.DataFrame) -> go.Figure:
 
 
 _MODEL_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#808080", "#56B4E9", "#CC79A7", "#a08000", "#6050c0", "#30a0a0",
-                  "#000000", "#c03050")
+                  "#8a5a44", "#c03050")
 
 
 def fraction_figure(means: pd.DataFrame, deviations: pd.DataFrame, label: str) -> go.Figure:
@@ -167,7 +167,8 @@ def refinement_figure(r: Refinement, layer: str = "Regime") -> go.Figure:
     figure.add_heatmap(z=np.where(r.solved, np.float32(1.0), np.float32(np.nan)).T, colorscale=[[0, "#000000"], [1, "#000000"]],
                        showscale=False, hoverinfo="skip", **common)
     figure.add_scatter(x=[None], y=[None], mode="markers", name=f"solved ({int(r.solved.sum()):,})", showlegend=True,
-                       marker={"color": "#000000", "size": 6, "symbol": "square"})
+                       marker={"color": "#000000", "size": 7, "symbol": "square",
+                               "line": {"color": "#999999", "width": 1}})  # black on a dark page
     row, column = np.unravel_index(r.suggested, r.batch.shape)
     figure.add_scatter(x=r.bearing_number[row], y=r.rotor_mass[column], mode="markers", name=f"solve next ({len(row)})",
                        hovertemplate=f"solve next: {where}<extra></extra>",

@@ -22,7 +22,7 @@ from spab_core.form import (
 from spab_core.presets import PRESETS
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.ui.shared import digits
-from spab_core.ui.view import chosen_design, set_design, set_point
+from spab_core.ui.view import chosen_design, set_design, set_point, set_speed
 
 _USUAL = to_form(reference_design())
 _STIFFNESS, _UNBALANCE = "rotor__shaft_stiffness", "rotor__unbalance_eccentricity"
@@ -65,8 +65,7 @@ def _fill_speed() -> None:
 def take_design(design: Design, rotor_mass: float, speed_rpm: float) -> None:
     """Make it the design that the user works on, in a widget's callback; the machine keeps mass and speed."""
     set_design(design)
-    number = design.bearing_number(speed_rpm * math.pi / 30.0)
-    set_point(rotor_mass, min(max(number, BEARING_NUMBER_RANGE[0]), BEARING_NUMBER_RANGE[1]))
+    set_speed(design, rotor_mass, speed_rpm)
     st.session_state["my_error"] = None
 
 
@@ -180,11 +179,11 @@ def design_form() -> None:
     if state["my_error"]:
         st.error(f"{state['my_error'][0].upper()}{state['my_error'][1:]}. The design stays as it was.")
     a, b, c = st.columns(3)
-    a.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, key="rotor_mass", step=0.1, format="%g",
+    a.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, None, key="rotor_mass", step=0.1, format="%g",
                    help="Whole rotor mass that one bearing carries")
     b.number_input("Shaft speed, rpm", value=None, key="my_rpm", step=100.0, format="%g", on_change=_speed_typed,
                    help="From {} to {} rpm".format(*(digits(design.speed_rpm(v)) for v in BEARING_NUMBER_RANGE)))
-    c.number_input("or bearing number Λ", *BEARING_NUMBER_RANGE, key="bearing_number", step=0.05, format="%.4g",
+    c.number_input("or bearing number Λ", *BEARING_NUMBER_RANGE, None, key="bearing_number", step=0.05, format="%.4g",
                    help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
     for tab, group in zip(st.tabs(list(GROUPS)), GROUPS, strict=True):
         with tab:

@@ -18,8 +18,7 @@ from spab_core.margin import Margin, margin
 from spab_core.quick_map import as_map
 from spab_core.refine import Refinement, load_refinement
 from spab_core.stability_map import StabilityMap
-
-LAYERS = ("Regime", "MLE", "Probability unstable")
+from spab_core.ui.view import OWN_LAYERS
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)
@@ -48,8 +47,8 @@ def finished_maps() -> list[Job]:
 def own_figure(found: tuple[Refinement, StabilityMap], layer: str, bearing_number: float, rotor_mass: float) -> go.Figure:
     """A published map with its solved cells as dots and the chosen point."""
     refined, m = found
-    figure = map_figure(m, "MLE" if layer == LAYERS[2] else layer)
-    if layer == LAYERS[2]:
+    figure = map_figure(m, "MLE" if layer == OWN_LAYERS[2] else layer)
+    if layer == OWN_LAYERS[2]:
         figure.update_traces(z=refined.unstable.T.astype(np.float32), zmin=0.0, zmax=1.0, colorscale="Cividis",
                              colorbar={"title": {"text": "probability of instability", "side": "right"}},
                              **hover(m, "<br>probability of instability %{z:.2f}"), selector={"type": "heatmap"})

@@ -13,8 +13,9 @@ from spab_core.margin import Margin
 from spab_core.refine import Refinement
 from spab_core.report import Section, design_section
 from spab_core.stability_map import StabilityMap
-from spab_core.ui.own_map import LAYERS, map_command, own_figure
+from spab_core.ui.own_map import map_command, own_figure
 from spab_core.ui.shared import live_point
+from spab_core.ui.view import OWN_LAYERS
 
 
 def report_page(design: Design, found: tuple[Refinement, StabilityMap], at: Margin | None, rotor_mass: float,
@@ -38,7 +39,7 @@ def report_page(design: Design, found: tuple[Refinement, StabilityMap], at: Marg
                             f"predicted by trees on linear theory; {refined.metadata['mesh']} film nodes, "
                             f"{refined.metadata['transient']} + {refined.metadata['revolutions']} revolutions a cell."], {},
                     {f"{layer} over the plane": own_figure(found, layer, bearing_number, rotor_mass)
-                     for layer in LAYERS})]
+                     for layer in OWN_LAYERS})]
         commands = [f"spab simulate --design my.toml --rotor-mass {rotor_mass:g} --bearing-number {bearing_number:.6g}",
                     map_command(" --design my.toml", numbers, masses, minutes)]
         return "Rotor on spherical porous gas bearings", sections, commands

@@ -201,8 +201,8 @@ def design_controls() -> None:
             if f.group != group:
                 continue
             scale, value = design.gas.ambient_pressure * 10.0**-f.power if f.over_ambient else 1.0, state[f"form_{name}"]
-            box.number_input(f.title, min(f.low * scale, value), max(f.high * scale, value), key=f"form_{name}", help=f.help,
-                             format="%.6g", step=_step(value), on_change=_design_changed, args=(name,),
+            box.number_input(f.title, min(f.low * scale, value), max(f.high * scale, value), None, key=f"form_{name}",
+                             help=f.help, format="%.6g", step=_step(value), on_change=_design_changed, args=(name,),
                              disabled=f.infinite and design.rigid)
             if f.infinite:
                 box.checkbox("Rigid shaft", key="form_rigid", on_change=_rigid_changed)
@@ -248,8 +248,8 @@ def solver_controls(cost: bool = True) -> None:
     st.segmented_control("Film differences", SCHEMES, key="scheme", required=True,
                          help="fitted: exact for the first harmonic around. plain: central differences")
     one, two = st.columns(2)
-    one.number_input("Transient, revolutions", 0, 5000, key="transient", step=50)
-    two.number_input("Measured, revolutions", 20, 5000, key="revolutions", step=50)
+    one.number_input("Transient, revolutions", 0, 5000, None, key="transient", step=50)
+    two.number_input("Measured, revolutions", 20, 5000, None, key="revolutions", step=50)
     if not cost:
         return
     try:

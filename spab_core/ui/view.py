@@ -18,11 +18,17 @@ from spab_core.bifurcation import SWEEPS, VARY
 from spab_core.design import Design, InputError, check_number, reference_design
 from spab_core.figures_lines import COORDINATES
 from spab_core.figures_map import LAYERS
+from spab_core.figures_point import QUANTITIES
+from spab_core.figures_surrogates import REFINE_LAYERS
 from spab_core.film import DEFAULT_MESH, SCHEMES, parse_mesh
 from spab_core.form import FIELDS, to_form
 from spab_core.integrate import METHODS
+from spab_core.presets import PRESETS
+from spab_core.quick_map import SECONDS
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.stability_map import axis
 from spab_core.surrogates import DIVISORS, MODELS
+from spab_core.what_if import AXES, SCAN, STEP, STEPS
 
 LINES = ("paper", *VARY)  # of the page of lines: the paper's two, or one through the chosen point
 _LONGEST = 100  # characters of a value in the address that are looked at
@@ -67,8 +73,22 @@ def _mesh(text: str) -> str:
     return str(parse_mesh(text))
 
 
+def _axis(name: str) -> Callable[[str], str]:
+    def read(text: str):
+        if text:
+            axis(text, name)
+        return text
+    return read
+
+
 POINT_TABS = ("Overview", "Orbits", "Spectrum", "Signals", "Film 3-D", "Forces", "Exponent")
 SAME = ("bearing number", "speed")  # that two designs are compared at
+OWN_MINUTES, SCANS, SPEEDS = (0.5, 600.0), (4, 100), (10, 1000)
+OWN_LAYERS = ("Regime", "MLE", "Probability unstable")
+WHAT_TABS = ("Change the drawing", "Run-up", "Two designs")
+METRICS, CELLS = ("rmse", "mae"), ("held_out", "all")
+JUDGED = ("unsolved", "withheld")
+AGAINST = ("whirl frequency", "shaft speed")
 
 VIEW: dict[str, Field] = {
     "bearing_number": Field(3.45, _number("bearing_number", *BEARING_NUMBER_RANGE), "{:.6g}".format),
@@ -93,8 +113,31 @@ VIEW: dict[str, Field] = {
     "tab": Field(POINT_TABS[0], _one_of("tab", POINT_TABS)),
     "compare": Field(False, _one_of("compare", (True, False))),
     "same": Field(SAME[0], _one_of("same", SAME)),
+    "film_colour": Field(QUANTITIES[0], _one_of("film_colour", QUANTITIES)),
+    "beside": Field(False, _one_of("beside", (True, False))),  # the surrogate's prediction is compared at the chosen point
+    "sure": Field(False, _one_of("sure", (True, False))),
+    "metric": Field(METRICS[0], _one_of("metric", METRICS)),
+    "cells": Field(CELLS[0], _one_of("cells", CELLS)),
+    "refine_layer": Field(REFINE_LAYERS[0], _one_of("refine_layer", REFINE_LAYERS)),
+    "judged": Field(JUDGED[0], _one_of("judged", JUDGED)),
+    "against": Field(AGAINST[0], _one_of("against", AGAINST)),
+    # "" and 0: the usual ones of the design (show_usual)
+    "own_numbers": Field("", _axis("own_numbers")),
+    "own_masses": Field("", _axis("own_masses")),
+    "own_minutes": Field(SECONDS / 60.0, _number("own_minutes", *OWN_MINUTES, "minutes"), "{:.6g}".format),
+    "own_layer": Field(OWN_LAYERS[0], _one_of("own_layer", OWN_LAYERS)),
+    "what_tab": Field(WHAT_TABS[0], _one_of("what_tab", WHAT_TABS)),
+    "what_axis": Field(AXES[0], _one_of("what_axis", AXES)),
+    "what_step": Field(100.0 * STEP, _number("what_step", 100.0 * STEPS[0], 100.0 * STEPS[1], "%"), "{:.6g}".format),
+    "what_scan": Field(SCAN, _number("what_scan", *SCANS, whole=True)),
+    "run_from": Field(0.0, _number("run_from", 0.0, 1e9, "rpm"), "{:.6g}".format),
+    "run_to": Field(0.0, _number("run_to", 0.0, 1e9, "rpm"), "{:.6g}".format),
+    "run_count": Field(100, _number("run_count", *SPEEDS, whole=True)),
+    "two_preset": Field(list(PRESETS)[1], _one_of("two_preset", PRESETS)),
 }
 _DESIGN = "_design"  # values of the design that differ from the reference, {"bearing.clearance": 3e-5}
+_KEPT = "_view"  # all values as they were when the last run of a page began
+_TOLD = "_told"  # a sentence for the next page
 
 
 def open_view() -> list[str]:
@@ -103,16 +146,21 @@ def open_view() -> list[str]:
     Returns
     -------
     list of str
-        What was wrong in the address, in sentences; such values take their defaults.
+        What was wrong in the address, in sentences, such values take their defaults; and what :func:`set_speed` has to say.
     """
     state = st.session_state
     complaints: list[str] = []
     if _DESIGN not in state:  # a new session
         complaints = _read_address()
+    if _TOLD in state:
+        complaints.append(state.pop(_TOLD))
+    kept = state.get(_KEPT, {})
     for key, entry in VIEW.items():
-        # a widget's value is dropped on a page that does not show it unless it is set anew; an emptied widget has None
+        # Streamlit drops a widget's value on a page that does not show it, also when its last run was that of a fragment, as
+        # under a job at work; an emptied widget has None
         value = state.get(key)
-        state[key] = entry.default if value is None else value
+        state[key] = kept.get(key, entry.default) if value is None else value
+    state[_KEPT] = {key: state[key] for key in VIEW}
     wanted = {key: entry.write(state[key]) for key, entry in VIEW.items() if state[key] != entry.default}
     wanted |= {key: repr(value) for key, value in state[_DESIGN].items()}
     if st.query_params.to_dict() != wanted:
@@ -179,6 +227,42 @@ def set_point(rotor_mass: float, bearing_number: float) -> None:
     """Make this the chosen operating point; call it in a widget's callback, before the widgets of the next run."""
     st.session_state["rotor_mass"] = float(f"{rotor_mass:.6g}")
     st.session_state["bearing_number"] = float(f"{bearing_number:.6g}")
+
+
+def set_speed(design: Design, rotor_mass: float, speed_rpm: float) -> None:
+    """As :func:`set_point`, at a speed; outside the bearing numbers that can be solved the nearest, as the next page tells."""
+    number, (low, high) = design.bearing_number(speed_rpm * math.pi / 30.0), BEARING_NUMBER_RANGE
+    nearest = min(max(number, low), high)
+    if not math.isclose(number, nearest, rel_tol=1e-5):
+        st.session_state[_TOLD] = (f"At {speed_rpm:,.0f} rpm the bearing number of this design would be {number:.4g}; allowed "
+                                   f"is from {low:g} to {high:g}. The speed is now {design.speed_rpm(nearest):,.0f} rpm.")
+    set_point(rotor_mass, nearest)
+
+
+def show_usual(key: str, usual: Any, limits: tuple[float, float] | None = None) -> dict:
+    """Options of a widget for a value of the view that is usually another one with each design or point.
+
+    Parameters
+    ----------
+    key : str
+        Of the view's value, which is "" or 0 as long as the user wants the usual one.
+    usual : str or float
+    limits : tuple, optional
+        Of a number, which move with the design too.
+
+    Returns
+    -------
+    dict
+        ``key`` and ``on_change``: the widget has a key of its own, filled here.
+    """
+    state, shown = st.session_state, f"{key}_shown"
+    state[shown] = state[key] or usual
+    if limits:
+        state[shown] = min(max(state[shown], limits[0]), limits[1])
+
+    def changed():
+        state[key] = type(usual)() if state[shown] in (None, usual) else state[shown]
+    return {"key": shown, "on_change": changed}
 
 
 def design_words() -> str:

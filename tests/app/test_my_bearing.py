@@ -191,7 +191,7 @@ def test_against_shaft_speed(page, monkeypatch):
     seen = []
     real = Coefficients.column
     monkeypatch.setattr(Coefficients, "column", lambda self, name: seen.append(len(self.speed)) or real(self, name))
-    run(page.button_group(key="my_against").select("shaft speed"))
+    run(page.button_group(key="against").select("shaft speed"))
     figure = json.loads(page.get("plotly_chart")[0].proto.spec)
     assert figure["layout"]["xaxis"]["title"]["text"] == "shaft speed, rpm" and len(bearing.SPEEDS) in seen
 
