@@ -5,16 +5,21 @@ import streamlit as st
 from spab_core.artifacts import load_audit
 from spab_core.figures_surrogates import audit_figure
 from spab_core.ui.documents import read_sections, show_sections
+from spab_core.ui.downloads import downloads
 from spab_core.ui.shared import errors_in_words, page_head
 
 AUDIT, CHECKED, DIFFERS = "Audit of the map", "Values to check against", "Where we differ from the paper"
 
 page_head("about the model")
-st.markdown("#### About the model")
+head, button = st.columns([5, 1], vertical_alignment="center")
+head.markdown("#### About the model")
 with errors_in_words():
     model, numerics, results = (read_sections(name, wanted) for name, wanted in (
         ("model.md", (CHECKED, DIFFERS)), ("numerics.md", ()), ("results.md", (AUDIT,))))
     audited = load_audit()
+
+with button:
+    downloads("about", {"Audit": lambda: audit_figure(audited)}, {"Audited cells": audited.copy}, command="make audit")
 
 equations, validation, found, differs = st.tabs(
     ["Equations and assumptions", "Numerics and validation", "Results", "Where it differs from the paper"])

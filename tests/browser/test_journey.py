@@ -2,6 +2,7 @@
 
 import importlib.util
 import io
+import re
 
 import numpy as np
 import pandas as pd
@@ -140,6 +141,48 @@ def test_journey(address, tools):
         page.get_by_role("button", name="Open this operating point").click()
         page.wait_for_url("**/Operating_point?**")
         page.get_by_role("heading", name=f"Λ {number:.3f}").wait_for(timeout=60_000)
+    watched.check()
+
+
+def test_leaving_a_page_while_its_job_works(tools, tmp_path, monkeypatch):
+    """Away and back: the same view, the same job at work, nothing asked for twice; cancelled it is shown as cancelled."""
+    monkeypatch.setenv("SPAB_JOBS", str(tmp_path))
+    tmp_path.chmod(0o700)
+    with tools.dashboard() as address, tools.browser_page() as page:
+        watched = Watched(address)
+        watched.add(page).goto(f"{address}/Bifurcation?bearing_number={NUMBER:g}&rotor_mass={MASS:g}&points=2000&sweeps=cold,up")
+        tools.settled(page)
+        page.get_by_role("button", name="Compute 4,000 points").click()
+        page.get_by_role("button", name="Cancel").wait_for(timeout=60_000)
+        page.get_by_text(re.compile(r"[1-9][0-9]* of 4,000")).wait_for(timeout=120_000)
+        go_to(page, tools, "Operating point")
+        at_point(page)
+        assert "points=2000" in page.url and "sweeps=cold" in page.url
+        go_to(page, tools, "Bifurcation")
+        at_point(page)
+        page.get_by_role("button", name="Cancel").click()
+        page.get_by_text("Cancelled at").wait_for(timeout=60_000)
+        page.get_by_role("button", name="Go on").wait_for()
+        page.screenshot(path=OUTPUT / "cancelled.png")
+        assert len([folder for folder in tmp_path.iterdir() if folder.name.startswith("bifurcation")]) == 1
+    watched.check()
+
+
+def test_an_emptied_field_keeps_its_value(address, tools):
+    watched = Watched(address)
+    with tools.browser_page() as page:
+        watched.add(page)
+        for place, label in (("", "Rotor mass, kg"), ("Operating_point", "Rotor mass, kg"), ("What_if", "Rotor mass, kg"),
+                             ("Bifurcation", "From, kg"), ("My_map", "Minutes")):
+            page.goto(f"{address}/{place}?bearing_number={NUMBER:g}&rotor_mass={MASS:g}&mass_from=3&own_minutes=7")
+            tools.settled(page)
+            field = page.get_by_label(label, exact=True)
+            before = field.input_value()
+            field.fill("")
+            field.press("Enter")
+            tools.settled(page)
+            assert field.input_value() == before and float(before) in (MASS, 3.0, 7.0), place
+            assert f"rotor_mass={MASS:g}&" in page.url and "mass_from=3&own_minutes=7" in page.url
     watched.check()
 
 

@@ -1,0 +1,93 @@
+"""Every page: each control at its ends, each choice taken and taken back, texts too long, every download made."""
+
+import pytest
+import streamlit as st
+from streamlit.testing.v1 import AppTest
+
+from spab_core.surrogates import DIVISORS
+from spab_core.ui.view import CELLS, JUDGED, LINES, METRICS, SAME, VIEW
+from tests.conftest import ROOT
+
+PAGES = {"Stability_map": ROOT / "app.py"} | {
+    path.stem.partition("_")[2]: path for path in sorted((ROOT / "pages").glob("*.py"))}
+STATES = [(name, {}) for name in PAGES] + [
+    ("What_if", {"what_tab": "Run-up"}), ("What_if", {"what_tab": "Two designs"}), ("Bifurcation", {"line": "rotor-mass"}),
+    ("Surrogate_map", {"sure": True}), ("Operating_point", {"bearing.clearance": "3e-05", "compare": "True"})]
+RAW = {"line": LINES, "same": SAME, "divisor": DIVISORS, "cells": CELLS, "metric": METRICS, "judged": JUDGED}  # shown otherwise
+LONG = "9" * 10_000
+pytestmark = pytest.mark.usefixtures("own_jobs")
+
+
+def opened(name, state):
+    at = AppTest.from_file(str(PAGES[name]), default_timeout=240)
+    for key, value in state.items():
+        at.query_params[key] = str(value)
+    at.session_state["plotly_wanted"] = True
+    return at.run()
+
+
+def stands(at, what):
+    assert not at.exception, (what, at.exception)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "state"), [(name, state) for name, state in STATES if state or name != "Operating_point"])
+def test_every_control_at_its_ends(name, state):
+    at = opened(name, state)
+    stands(at, "opened")
+    for key in [w.key for w in at.number_input]:
+        for end in ("min", "max"):
+            field = at.number_input(key=key)
+            if field.disabled:
+                continue
+            field.set_value(getattr(field, end)).run()
+            stands(at, (key, end))
+        at = opened(name, state)
+    for key in [w.key for w in at.text_input]:
+        for text in (LONG, "", "x:y:z"):
+            at.text_input(key=key).set_value(text).run()
+            stands(at, (key, text[:10]))
+            assert at.error or not text
+        at = opened(name, state)
+    for group in at.button_group:
+        choices = RAW.get(group.key, group.options)
+        assert len(choices) == len(group.options)
+        several = isinstance(group.value, list)
+        for value in ([[choice] for choice in choices] + [[], list(choices)] if several else [*choices, None]):
+            at.button_group(key=group.key).set_value(value).run()
+            stands(at, (group.key, value))
+            assert not value or at.session_state[group.key] == value
+            assert group.key not in VIEW or at.session_state[group.key] is not None  # what is taken back stays
+        at = opened(name, state)
+    for box in at.selectbox:
+        for k in range(len(box.options)):
+            at.selectbox(key=box.key).select_index(k).run()
+            stands(at, (box.key, k))
+        at = opened(name, state)
+    for kind in ("toggle", "checkbox"):
+        for box in at.get(kind):
+            if not box.disabled:
+                getattr(at, kind)(key=box.key).set_value(not box.value).run()
+                stands(at, box.key)
+                at = opened(name, state)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "state"), STATES)
+def test_every_download_is_made(name, state, monkeypatch):
+    made = {}
+    real = st.delta_generator.DeltaGenerator.download_button
+
+    def seen(self, label, data, file_name, *more, **options):
+        made[file_name] = data
+        return real(self, label, data, file_name, *more, **options)
+
+    monkeypatch.setattr(st.delta_generator.DeltaGenerator, "download_button", seen)
+    monkeypatch.setattr(st, "download_button", lambda *a, **k: seen(st._main, *a, **k))
+    at = opened(name, state)
+    stands(at, "opened")
+    assert made or name in ("About_the_model", "My_map", "What_if"), "a view without downloads"
+    for file_name, data in made.items():
+        if not file_name.endswith(".png"):
+            content = data() if callable(data) else data
+            assert len(content) > 20, file_name
