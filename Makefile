@@ -3,7 +3,7 @@ BIN := .venv/bin
 OLDEST := $(addprefix tests/unit/test_,design.py form.py export.py threads.py kernels.py simulate.py map_engine.py surrogates.py) \
   $(addprefix tests/physics/test_,film.py integrators.py points.py) $(addprefix tests/app/test_,about.py view.py home.py my_bearing.py)
 
-.PHONY: run test test-oldest licences lint lock map train verify bifurcations audit linear-table refined manifest pictures results clean
+.PHONY: run test oldest test-oldest licences lint lock map train verify bifurcations audit linear-table refined manifest pictures results clean
 
 run: .venv/.ready
 	$(BIN)/streamlit run app.py
@@ -13,8 +13,11 @@ test: .venv/.ready
 
 # the oldest versions that pyproject.toml allows: core, view and what else depends on the libraries, without the models kept for
 # the newest ones
-test-oldest: .venv-oldest/.ready
+test-oldest: oldest
 	NUMBA_CACHE_DIR=.venv-oldest/kernels .venv-oldest/bin/python -m pytest -q $(OLDEST)
+
+oldest: .venv-oldest/.ready
+	NUMBA_CACHE_DIR=.venv-oldest/kernels .venv-oldest/bin/python -c "from spab_core.map_engine import compile_once; compile_once()"
 
 lint: .venv/.ready
 	$(BIN)/ruff check .

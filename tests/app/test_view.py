@@ -14,10 +14,15 @@ def page():
     import streamlit as st
 
     from spab_core.ui.shared import page_head
-    from spab_core.ui.view import chosen_design, design_words, set_design
+    from spab_core.ui.view import VIEW, chosen_design, design_words, set_design, set_speed, show_usual
 
+    for key in VIEW if st.session_state.pop("forget", False) else ():
+        del st.session_state[key]
     page_head("test")
-    st.number_input("Mass", 0.001, 1000.0, key="rotor_mass")
+    st.number_input("Mass", 0.001, 1000.0, None, key="rotor_mass")
+    st.text_input("Plane", **show_usual("own_numbers", "1:2:10"))
+    st.number_input("Speed", 0.0, None, None, **show_usual("run_to", 900.0, (100.0, 1000.0)))
+    st.button("fast", key="fast", on_click=lambda: set_speed(chosen_design(), 7.0, 1e7))
     if st.button("thin", key="thin"):
         set_design(chosen_design().replace(bearing__clearance=30e-6))
         st.rerun()
@@ -74,3 +79,34 @@ def test_values_survive_a_page_without_their_widgets():
     at = opened(rotor_mass="7.25", model="forest")
     assert at.session_state["model"] == "forest" and at.run().session_state["model"] == "forest"
     assert address(at)["model"] == "forest"
+
+
+def test_an_emptied_or_dropped_value_is_the_last_one_not_the_usual():
+    """Streamlit gives None for an emptied number, and forgets a widget's value where only a fragment of its page ran last."""
+    at = opened(rotor_mass="7.25")
+    at.number_input(key="rotor_mass").set_value(None).run()
+    assert at.number_input(key="rotor_mass").value == 7.25 and address(at) == {"rotor_mass": "7.25"}
+    at.session_state["forget"] = True
+    at.run()
+    assert at.number_input(key="rotor_mass").value == 7.25 and address(at) == {"rotor_mass": "7.25"}
+
+
+def test_a_speed_beyond_what_can_be_solved_is_told_and_the_nearest_taken():
+    at = opened()
+    at.button(key="fast").click().run()
+    assert at.session_state["bearing_number"] == 50.0 and at.session_state["rotor_mass"] == 7.0
+    assert "At 10,000,000 rpm the bearing number of this design would be" in at.error[0].value
+    assert f"The speed is now {reference_design().speed_rpm(50.0):,.0f} rpm." in at.error[0].value
+    assert not at.run().error  # said once
+
+
+def test_a_usual_value_follows_its_design_until_another_is_typed():
+    at = opened()
+    assert at.text_input[0].value == "1:2:10" and at.number_input(key="run_to_shown").value == 900.0
+    at.text_input[0].set_value("3:4:5").run()
+    assert address(at) == {"own_numbers": "3:4:5"} and opened(own_numbers="3:4:5").text_input[0].value == "3:4:5"
+    at.text_input[0].set_value("").run()
+    assert at.text_input[0].value == "1:2:10" and not at.query_params
+    at.number_input(key="run_to_shown").set_value(500.0).run()
+    assert address(at) == {"run_to": "500"}
+    assert opened(run_to="5000").number_input(key="run_to_shown").value == 1000.0  # the end of what is allowed now
