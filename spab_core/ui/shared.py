@@ -55,7 +55,7 @@ def page_head(title: str) -> None:
     """What every page begins with; ``title`` is shown in the browser's tab. The view is opened (:mod:`spab_core.ui.view`)."""
     bound_memory()
     spare_lasting_objects(title)
-    st.set_page_config(page_title=f"spab: {title}", page_icon="◍", layout="wide")
+    st.set_page_config(page_title=f"spab: {title}", page_icon="🌀", layout="wide")
     st.html("<style>.block-container{padding:2.2rem 2rem 1rem} "
             "@media(max-width:640px){.block-container{padding:4rem 1rem 1rem}} "
             "section[data-testid=stSidebar]{width:12.5rem !important;"
