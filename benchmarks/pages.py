@@ -4,8 +4,11 @@
 
 The second user is measured twice: at another machine, whose browser takes nothing from this one's cores, as a session over
 Streamlit's websocket that fetches the scripts, opens pages and sets points without a pause longer than half a second; and in a
-second Chromium on the same cores, which are the server's too. With ``--floor`` only what Streamlit and Plotly take by themselves, alone and with a second user: the first view of an empty
-page, and of one with a chart of two points.
+second Chromium on the same cores, which are the server's too, that begins each action in the same moment. All are measured in
+turns, as the machine's clock drifts.
+
+With ``--floor`` only what Streamlit and Plotly take by themselves, alone and with a second browser that opens the page in the
+same moment: the first view of an empty page, and of one with a chart of two points.
 """
 
 import argparse
@@ -29,8 +32,8 @@ from take_pictures import dashboard, find_chromium  # noqa: E402
 VIEW = ("verdict", "map seen", "map answers clicks")
 GOALS = {f"{which}: {what}": 2.0 for which in ("new browser", "first view") for what in VIEW} | {
     "click to live verdict": 1.0, "click on the plain picture": 1.0, "another layer drawn": 2.0}
-SWITCH, NEW, VIEWS = 1.0, 5, 7
-CLICKS = [(7.0, 6.0), (10.0, 5.0), (18.0, 4.5), (2.0, 5.0), (22.0, 4.0)]  # kg, bearing number
+SWITCH, NEW, VIEWS, TURNS = 1.0, 3, 4, 3
+CLICKS = [(7.0, 6.0), (18.0, 4.5), (2.0, 5.0)]  # kg, bearing number
 DRAWN = """layer => { const plot = document.querySelector('.js-plotly-plot');
     return plot && plot.calcdata && plot._fullData.some(t => t.type === 'heatmap')
         && plot._fullData.some(t => t.name === 'chaotic') === (layer === 'Regime'); }"""
@@ -44,7 +47,14 @@ AT_REST = """old => { const title = document.querySelector('[data-testid=stMain]
     return title && title.innerText !== old && document.querySelector('[data-test-script-state=notRunning]'); }"""
 
 
-async def click_cell(page, mass, number):
+async def now(together):
+    """The moment that an action begins, for both users where there are two."""
+    if together:
+        await together.wait()
+    return time.perf_counter()
+
+
+async def click_cell(page, mass, number, together):
     """Click the map at a point; seconds until the answer to another point stands there."""
     position = await page.evaluate("""([x, y]) => {
         const plot = document.querySelector('.js-plotly-plot'), layout = plot._fullLayout;
@@ -52,20 +62,20 @@ async def click_cell(page, mass, number):
         return [box.left + layout.xaxis.d2p(x), box.top + layout.yaxis.d2p(y)]; }""", [number, mass])
     await page.mouse.move(*position)
     await page.wait_for_timeout(300)
-    return await click(page, *position)
+    return await click(page, position, together)
 
 
-async def click(page, *position):
+async def click(page, position, together):
     """Seconds from a click to the answer to another point."""
     old = await page.get_by_text("Solved live").inner_text()
-    began = time.perf_counter()
+    began = await now(together)
     await page.mouse.click(*position)
     await page.wait_for_function("""old => [...document.querySelectorAll('[data-testid=stCaptionContainer]')].some(
         c => c.innerText.startsWith('Solved live') && c.innerText !== old)""", arg=old, timeout=60_000)
     return time.perf_counter() - began
 
 
-async def journey(browser, address, shift):
+async def journey(browser, address, shift, together=None):
     """One user's walk; seconds by action. ``shift`` moves the clicked cells: a point solved before is not solved again."""
     found: dict[str, list[float]] = {}
 
@@ -76,7 +86,7 @@ async def journey(browser, address, shift):
         if k < NEW:  # later ones find the scripts in the browser
             context = await browser.new_context(viewport={"width": 1440, "height": 900})
         page = await context.new_page()
-        began = time.perf_counter()
+        began = await now(together)
         await page.goto(address)
 
         async def until(what, there, which="new browser" if k < NEW else "first view", began=began):
@@ -86,37 +96,37 @@ async def journey(browser, address, shift):
         await asyncio.gather(until(VIEW[0], page.get_by_text("Solved live").wait_for(timeout=60_000)),
                              until(VIEW[1], page.wait_for_function(SEEN, timeout=60_000)),
                              until(VIEW[2], page.wait_for_function(ANSWERS, timeout=60_000)))
-        place = await page.evaluate(PICTURE, [0.2 + 0.06 * k, 0.3 + 0.07 * shift])
-        found.setdefault("click on the plain picture", []).append(await click(page, *place))
+        place = await page.evaluate(PICTURE, [0.2 + 0.06 * k, 0.2 + 0.04 * shift])
+        found.setdefault("click on the plain picture", []).append(await click(page, place, together))
         await page.wait_for_timeout(1000)
         if k < NEW - 1:
             await context.close()
         elif k < NEW + VIEWS - 1:
             await page.close()
+    began = await now(together)
     await page.mouse.move(*await page.evaluate(PICTURE, [0.5, 0.5]))
-    began = time.perf_counter()
     await page.wait_for_function(DRAWN, arg="MLE", timeout=60_000)
     took("pointer rests: hover and zoom", began)
     await page.wait_for_timeout(1000)
     for mass, number in CLICKS:
-        found.setdefault("click to live verdict", []).append(await click_cell(page, mass + 0.3 * shift, number + 0.1 * shift))
+        seconds = await click_cell(page, mass + 0.1 * shift, number + 0.03 * shift, together)
+        found.setdefault("click to live verdict", []).append(seconds)
         await page.wait_for_timeout(500)
-    for layer in ("Regime", "MLE", "Regime", "MLE"):
-        began = time.perf_counter()
+    for layer in ("Regime", "MLE"):
+        began = await now(together)
         await page.get_by_role("radio", name=layer, exact=True).or_(page.get_by_text(layer, exact=True)).first.click()
         await page.wait_for_function(DRAWN, arg=layer, timeout=60_000)
         took("another layer drawn", began)
         await page.wait_for_timeout(500)
     links = page.locator("[data-testid=stSidebarNavLink]")
     names = [(await links.nth(k).get_attribute("href")).rstrip("/").rpartition("/")[2] for k in range(await links.count())]
-    for _ in range(3):
-        for k in [*range(1, len(names)), 0]:
-            old = await page.locator("[data-testid=stMain] h4").first.inner_text()
-            began = time.perf_counter()
-            await links.nth(k).click()
-            await page.wait_for_function(AT_REST, arg=old, timeout=60_000)
-            took(f"to page: {names[k] if k else 'Stability map'}", began)
-            await page.wait_for_timeout(500)
+    for k in [*range(1, len(names)), 0]:
+        old = await page.locator("[data-testid=stMain] h4").first.inner_text()
+        began = await now(together)
+        await links.nth(k).click()
+        await page.wait_for_function(AT_REST, arg=old, timeout=60_000)
+        took(f"to page: {names[k] if k else 'Stability map'}", began)
+        await page.wait_for_timeout(500)
     await context.close()
     return found
 
@@ -148,28 +158,35 @@ async def measure(address):
     async with async_playwright() as p:
         browser = await p.chromium.launch(executable_path=find_chromium(), args=["--no-sandbox"])
         await journey(browser, address, 0)  # warms the server
-        one = await journey(browser, address, 1)
-        other = asyncio.create_task(remote(address))
-        beside = await journey(browser, address, 4)
-        assert not other.done(), other.exception()
-        other.cancel()
-        both = await asyncio.gather(*(journey(browser, address, shift) for shift in (2, 3)))
+        found: list[dict[str, list[float]]] = [{}, {}, {}]  # alone, with a user elsewhere, with a second browser
+        for turn in range(TURNS):
+            walks = [[await journey(browser, address, 4 * turn + 1)]]
+            other = asyncio.create_task(remote(address))
+            walks.append([await journey(browser, address, 4 * turn + 2)])
+            assert not other.done(), other.exception()
+            other.cancel()
+            both = asyncio.Barrier(2)
+            walks.append(await asyncio.gather(*(journey(browser, address, 4 * turn + k, both) for k in (3, 4))))
+            for kept, walked in zip(found, walks, strict=True):
+                for one in walked:
+                    for action, seconds in one.items():
+                        kept.setdefault(action, []).extend(seconds)
         await browser.close()
-    return one, beside, {action: both[0][action] + both[1][action] for action in one}
+    return found
 
 
 EMPTY = "import streamlit as st\n\nst.write('Solved live')\n"
 CHART = EMPTY + "import plotly.graph_objects as go\n\nst.plotly_chart(go.Figure(go.Scatter(x=[1, 2], y=[3, 4])))\n"
 
 
-async def first_views(address, drawn, count=VIEWS + 1):
-    """Seconds of first views in one browser, which is new for the first."""
+async def first_views(address, drawn, count=VIEWS + 1, together=None):
+    """Seconds of first views in one browser, which is new for the first; ``together``: a barrier before each."""
     async with async_playwright() as p:
         browser = await p.chromium.launch(executable_path=find_chromium(), args=["--no-sandbox"])
         context, found = await browser.new_context(viewport={"width": 1440, "height": 900}), []
         for _ in range(count):
             page = await context.new_page()
-            began = time.perf_counter()
+            began = await now(together)
             await page.goto(address)
             await page.wait_for_function(drawn, timeout=60_000)
             found.append(time.perf_counter() - began)
@@ -180,7 +197,8 @@ async def first_views(address, drawn, count=VIEWS + 1):
 
 
 async def at_once(address, drawn, users):
-    return await asyncio.gather(*(first_views(address, drawn) for _ in range(users)))
+    together = asyncio.Barrier(users)
+    return await asyncio.gather(*(first_views(address, drawn, together=together) for _ in range(users)))
 
 
 def floor():
@@ -194,7 +212,7 @@ def floor():
                 (first, *later), = asyncio.run(at_once(address, drawn, 1))
                 two = asyncio.run(at_once(address, drawn, 2))
         again, with_second = statistics.median(later), statistics.median(two[0][1:] + two[1][1:])
-        print(f"{name}: new browser {first:.2f} s, again {again:.2f} s; with a second user {with_second:.2f} s, "
+        print(f"{name}: new browser {first:.2f} s, again {again:.2f} s; with a second browser {with_second:.2f} s, "
               f"{with_second / again:.1f} times as long")
 
 
