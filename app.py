@@ -70,7 +70,7 @@ with left:
         shown, place = (layer, model, divisor, draw), (state["bearing_number"], state["rotor_mass"])
         if plotly_wanted():
             place = mark_place("map", shown, place)
-        picture, figure = map_still(*shown), marked_map_figure(place, *shown)
+        picture = map_still(*shown)
     map_place = st.container(key="map_box", gap=None)
     with map_place:
         show_still(picture.marked(*place), "map_box", HEIGHT)
@@ -144,7 +144,7 @@ try:
 finally:  # also where the point cannot be solved
     if plotly_wanted():
         with map_place:
-            clickable(figure, "map", _clicked, config={"displaylogo": False, "scrollZoom": True})
+            clickable(marked_map_figure(place, *shown), "map", _clicked, config={"displaylogo": False, "scrollZoom": True})
 with orbit_place.container(key="orbit_box", gap=None):
     show_still(None if charted else orbit_still(orbits), "orbit_box", ORBIT_HEIGHT)
     if plotly_wanted():

@@ -96,3 +96,18 @@ def test_two_designs_side_by_side():
         assert not at.exception and len(figures(at)) == 2
     table = at.dataframe[0].value
     assert list(table.columns) == ["This design", f"Other: {PRESETS[name].label}"] and "MLE per revolution" in table.index
+
+
+@pytest.mark.parametrize("content", [b"[bearing]\nradius = -1", b"\xff\xfe", b"x" * 2_000_000])
+def test_a_wrong_file_of_another_design_is_a_sentence(content):
+    at = opened(WHAT_IF, what_tab="Two designs")
+    assert not at.exception and len(figures(at)) == 2
+    at.file_uploader(key="two_file").set_value(("other.toml", content, "application/toml")).run()
+    assert not at.exception and len(at.error) == 1 and "other.toml" in at.error[0].value and not figures(at)
+
+
+def test_a_run_up_downwards_is_a_sentence():
+    at = opened(WHAT_IF, what_tab="Run-up")
+    assert not at.exception and not at.error
+    at.number_input(key="run_from_shown").set_value(20_000.0).run()
+    assert not at.exception and "range" in at.error[0].value
