@@ -181,7 +181,7 @@ def design_form() -> None:
     a, b, c = st.columns(3)
     a.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, None, key="rotor_mass", step=0.1, format="%g",
                    help="Whole rotor mass that one bearing carries")
-    b.number_input("Shaft speed, rpm", value=None, key="my_rpm", step=100.0, format="%g", on_change=_speed_typed,
+    b.number_input("Shaft speed, rpm", value=None, key="my_rpm", step=100.0, format="%.0f", on_change=_speed_typed,
                    help="From {} to {} rpm".format(*(digits(design.speed_rpm(v)) for v in BEARING_NUMBER_RANGE)))
     c.number_input("or bearing number Λ", *BEARING_NUMBER_RANGE, None, key="bearing_number", step=0.05, format="%.4g",
                    help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
