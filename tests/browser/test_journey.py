@@ -133,8 +133,10 @@ def test_journey(address, tools):
         copy = watched.add(page.context.browser.new_page(viewport={"width": 1440, "height": 900}))
         copy.goto(link)
         tools.settled(copy)
+        copy.get_by_text("interval, ").wait_for(timeout=60_000)  # the comparison too
         text = copy.inner_text("body")
-        assert f"Compare at Λ {number:.4g}, {mass:.4g} kg" in text and f"{predicted.surrogate.training_cells:,}" in text
+        assert f"Compared at Λ {number:.3f}" in text
+        assert f"{mass:.2f} kg" in text and f"{predicted.surrogate.training_cells:,}" in text
         assert "In the address" not in text and copy.url == link
         copy.screenshot(path=OUTPUT / "journey_5_copied_link.png")
 
