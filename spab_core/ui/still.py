@@ -19,7 +19,11 @@ let stop = () => {};
 export default function ({ data, setTriggerValue }) {
   stop();  // Streamlit may call again without a word to the one before
   let timer, down = [0, 0];
-  const ask = after => { clearTimeout(timer); timer = setTimeout(() => setTriggerValue("plotly", true), after); };
+  const ask = after => {
+    clearTimeout(timer);
+    if (after) timer = setTimeout(() => setTriggerValue("plotly", true), after);
+    else setTriggerValue("plotly", true);  // now: a pointer that moves on would put it off
+  };
   const plot = event => event.target.closest?.(`.st-key-${data.chart}_box .spab-plot`);
   const cell = (share, [low, high], count) =>
     low + (high - low) * (Math.min(Math.floor(Math.max(share, 0) * count), count - 1) + 0.5) / count;
