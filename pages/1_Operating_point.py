@@ -56,9 +56,9 @@ LOW = {"spectrum": 315, "film": 290}  # pixels: with two designs side by side th
 
 
 def show(name: str, figure, key: str) -> None:
-    if compare:
-        figure.update_layout(height=min(figure.layout.height, LOW.get(name, 380)))
-    st.plotly_chart(figure, key=f"{name}_{key}", width="stretch", config={"displaylogo": False})
+    # given here, not to the figure: that of the film is everybody's
+    height = min(figure.layout.height, LOW.get(name, 380)) if compare else "content"
+    st.plotly_chart(figure, key=f"{name}_{key}", width="stretch", height=height, config={"displaylogo": False})
 
 
 def overview(point, key: str) -> None:

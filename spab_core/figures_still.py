@@ -144,15 +144,18 @@ class Still:
 
     Attributes
     ----------
-    body : str
+    inside : str
         HTML.
+    height : int
+        In pixels.
     x, y : tuple of float
         Ranges of the axes.
     shape : tuple of int
         Cells along x and y, of one size.
     """
 
-    body: str
+    inside: str
+    height: int
     x: tuple[float, float]
     y: tuple[float, float]
     shape: tuple[int, int]
@@ -160,11 +163,11 @@ class Still:
     def marked(self, x: float, y: float) -> str:
         """HTML of any width, a ``div`` of the class ``spab-still`` with its style; a cross at (x, y)."""
         left, top = ((x - self.x[0]) / (self.x[1] - self.x[0]), (self.y[1] - y) / (self.y[1] - self.y[0]))
-        return self.body.replace("--cross", f"--x:{100 * left:.2f}%;--y:{100 * top:.2f}%", 1)
+        return _picture(self.inside, self.height, f"--x:{100 * left:.2f}%;--y:{100 * top:.2f}%")
 
 
-def _still(height: int, inside: str) -> str:
-    return f'{_STYLE}<div class="spab-still" aria-hidden="true" style="height:{height}px;--cross">{inside}</div>'
+def _picture(inside: str, height: int, style: str = "") -> str:
+    return f'{_STYLE}<div class="spab-still" aria-hidden="true" style="height:{height}px;{style}">{inside}</div>'
 
 
 # Margins below are, in pixels, where Plotly puts the axes of these figures.
@@ -176,11 +179,11 @@ def still(figure: go.Figure) -> Still:
     cross = "".join(f'<path d="M5 5L15 15M15 5L5 15" stroke="{colour}" stroke-width="{width}"/>'
                     for colour, width in (("#fff", 6), ("#000", 4)))
     right = 5 if heat.showscale is False else 80
-    body = (f'<div class="spab-plot" style="margin:55px {right}px 67px 67px">'
-            f'<img alt="" decoding="sync" src="data:image/png;base64,{_image(heat)}">{_lines(figure)}'
-            f'{_svg(20, cross, "spab-cross")}{_axes(layout, 56, 54)}{_bar(heat)}</div>'
-            f'{_legend(figure, "margin-left:67px;background:#fff;color:#000")}')
-    return Still(_still(layout.height, body), tuple(layout.xaxis.range), tuple(layout.yaxis.range), np.shape(heat.z)[::-1])
+    inside = (f'<div class="spab-plot" style="margin:55px {right}px 67px 67px">'
+              f'<img alt="" decoding="sync" src="data:image/png;base64,{_image(heat)}">{_lines(figure)}'
+              f'{_svg(20, cross, "spab-cross")}{_axes(layout, 56, 54)}{_bar(heat)}</div>'
+              f'{_legend(figure, "margin-left:67px;background:#fff;color:#000")}')
+    return Still(inside, layout.height, tuple(layout.xaxis.range), tuple(layout.yaxis.range), np.shape(heat.z)[::-1])
 
 
 def orbit_still(figure: go.Figure) -> str:
@@ -189,7 +192,8 @@ def orbit_still(figure: go.Figure) -> str:
     side, (low, high) = layout.height - 115, layout.xaxis.range
     grid = "".join(f'<path d="M{at:.0f} 0V1000M0 {at:.0f}H1000" stroke="{_GRID}" vector-effect="non-scaling-stroke"/>'
                    for at in 1000.0 * (ticks(low, high, 6) - low) / (high - low))
-    return _still(layout.height,
-                  f'<b style="position:absolute;left:4px;top:4px;font-weight:600">{html.escape(layout.title.text)}</b>'
-                  f'<div class="spab-plot" style="margin:30px 0 46px calc(50% + 20px - {side / 2}px);width:{side}px">'
-                  f'{_svg(1000, grid)}{_lines(figure)}{_axes(layout, 51, 50)}</div>{_legend(figure, "margin:0 0 10px 45px")}')
+    return _picture(
+        f'<b style="position:absolute;left:4px;top:4px;font-weight:600">{html.escape(layout.title.text)}</b>'
+        f'<div class="spab-plot" style="margin:30px 0 46px calc(50% + 20px - {side / 2}px);width:{side}px">'
+        f'{_svg(1000, grid)}{_lines(figure)}{_axes(layout, 51, 50)}</div>'
+        f'{_legend(figure, "margin:0 0 10px 45px")}', layout.height)

@@ -180,28 +180,27 @@ def _starting(folder: Path, data: dict) -> bool:
     return abs(time.time() - data["queued"]) < _START_SECONDS  # the clock may have been set back since
 
 
-def _state(folder: Path, data: dict) -> tuple[str, str]:
-    """State and message as they are, whatever became of the worker."""
+def _now(folder: Path, data: dict) -> dict:
+    """What job.json says, with state and message as they are, whatever became of the worker."""
     if data["state"] in ACTIVE and not _alive(folder):
         data = _read(folder) or data  # it may have ended in between
         if data["state"] in ACTIVE:
             if (folder / "cancel").exists():
-                return "cancelled", ""
+                return data | {"state": "cancelled", "message": ""}
             if not _starting(folder, data):
-                return "failed", f"{STOPPED}; {KINDS[data['kind']].again}"
+                return data | {"state": "failed", "message": f"{STOPPED}; {KINDS[data['kind']].again}"}
     if data["state"] == "done" and not (folder / KINDS[data["kind"]].result).is_file():
-        return "failed", "its result is gone; start it again"
-    return data["state"], data["message"]
+        return data | {"state": "failed", "message": "its result is gone; start it again"}
+    return data
 
 
 def _job(folder: Path, data: dict) -> Job:
-    state, message = _state(folder, data)
-    left = None
-    if state == "running" and data["started"] and data["done"] > data["kept"]:
+    data, left = _now(folder, data), None
+    if data["state"] == "running" and data["started"] and data["done"] > data["kept"]:
         pace = (time.time() - data["started"]) / (data["done"] - data["kept"])
         left = max(pace * (data["total"] - data["done"]), 0.0) if pace > 0.0 else None  # the clock may have been set back
-    return Job(folder.name, data["kind"], data["parameters"], state, data["done"], data["total"], data["created"],
-               data["started"], data["finished"], message, folder, _size(folder), left)
+    return Job(folder.name, data["kind"], data["parameters"], data["state"], data["done"], data["total"], data["created"],
+               data["started"], data["finished"], data["message"], folder, _size(folder), left)
 
 
 def _size(folder: Path) -> int:
@@ -330,7 +329,7 @@ def delete(name: str) -> None:
     data = None
     with contextlib.suppress(JobError):
         data = _read(folder)
-    if _alive(folder) or (data and _state(folder, data)[0] in ACTIVE):
+    if _alive(folder) or (data and _now(folder, data)["state"] in ACTIVE):
         raise JobError(f"job {name} is at work: cancel it before it is deleted")
     try:
         shutil.rmtree(folder)
@@ -409,7 +408,7 @@ def _waits(folder: Path, report: _Report) -> bool:
     with contextlib.suppress(JobError):
         data = _read(folder)
         if data and data["state"] == "queued" and (data["queued"], folder.name) < (report.data["queued"], report.folder.name):
-            return _state(folder, data)[0] == "queued"
+            return _now(folder, data)["state"] == "queued"
     return False
 
 

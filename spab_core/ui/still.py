@@ -18,11 +18,13 @@ const IDLE = 3000, REST = 1000;  // ms before Plotly is asked for: after the pag
 let stop = () => {};
 export default function ({ data, setTriggerValue }) {
   stop();  // Streamlit may call again without a word to the one before
-  let timer, down = [0, 0];
+  let timer, asked = false, down = [0, 0];
   const ask = after => {
     clearTimeout(timer);
-    if (after) timer = setTimeout(() => setTriggerValue("plotly", true), after);
-    else setTriggerValue("plotly", true);  // now: a pointer that moves on would put it off
+    if (asked) return;  // once, however long the wheel turns
+    const now = () => { asked = true; setTriggerValue("plotly", true); };
+    if (after) timer = setTimeout(now, after);
+    else now();  // a pointer that moves on would put off a timer
   };
   const plot = event => event.target.closest?.(`.st-key-${data.chart}_box .spab-plot`);
   const cell = (share, [low, high], count) =>

@@ -217,3 +217,13 @@ def test_the_command_gives_the_same_answer(tmp_path, monkeypatch, capsys):
     told = json.loads(capsys.readouterr().out)
     assert at.metric[0].value.startswith(f"{told['mle_per_revolution']:+.3f} ± ")
     assert (tmp_path / "orbit.csv").exists()
+
+
+def test_comparing_leaves_the_film_of_one_design_as_high_as_it_was():
+    """Figures of films are kept for all users: two side by side are shown lower, not made lower."""
+    heights = []
+    for compare in (False, True, False):
+        at = page(tab="Film 3-D", compare=compare, _design={"bearing.clearance": 30e-6})
+        assert not at.exception and len(figures(at)) == 1 + compare
+        heights.append(figures(at)[0]["layout"]["height"])
+    assert heights == [380] * 3

@@ -34,6 +34,17 @@ def address(chromium, tools):
         yield found
 
 
+@pytest.fixture
+def own_page(chromium, tools, tmp_path, monkeypatch):
+    """A page on a server with jobs of its own; what the browser complains of fails the test."""
+    monkeypatch.setenv("SPAB_JOBS", str(tmp_path))
+    tmp_path.chmod(0o700)
+    with tools.dashboard() as address, tools.browser_page() as page:
+        watched = Watched(address)
+        yield watched.add(page), address
+    watched.check()
+
+
 class Watched:
     """What the browser complains of, and asks of others, in all pages opened."""
 
@@ -146,28 +157,24 @@ def test_journey(address, tools):
     watched.check()
 
 
-def test_leaving_a_page_while_its_job_works(tools, tmp_path, monkeypatch):
+def test_leaving_a_page_while_its_job_works(own_page, tools, tmp_path):
     """Away and back: the same view, the same job at work, nothing asked for twice; cancelled it is shown as cancelled."""
-    monkeypatch.setenv("SPAB_JOBS", str(tmp_path))
-    tmp_path.chmod(0o700)
-    with tools.dashboard() as address, tools.browser_page() as page:
-        watched = Watched(address)
-        watched.add(page).goto(f"{address}/Bifurcation?bearing_number={NUMBER:g}&rotor_mass={MASS:g}&points=2000&sweeps=cold,up")
-        tools.settled(page)
-        page.get_by_role("button", name="Compute 4,000 points").click()
-        page.get_by_role("button", name="Cancel").wait_for(timeout=60_000)
-        page.get_by_text(re.compile(r"[1-9][0-9]* of 4,000")).wait_for(timeout=120_000)
-        go_to(page, tools, "Operating point")
-        at_point(page)
-        assert "points=2000" in page.url and "sweeps=cold" in page.url
-        go_to(page, tools, "Bifurcation")
-        at_point(page)
-        page.get_by_role("button", name="Cancel").click()
-        page.get_by_text("Cancelled at").wait_for(timeout=60_000)
-        page.get_by_role("button", name="Go on").wait_for()
-        page.screenshot(path=OUTPUT / "cancelled.png")
-        assert len([folder for folder in tmp_path.iterdir() if folder.name.startswith("bifurcation")]) == 1
-    watched.check()
+    page, address = own_page
+    page.goto(f"{address}/Bifurcation?bearing_number={NUMBER:g}&rotor_mass={MASS:g}&points=2000&sweeps=cold,up")
+    tools.settled(page)
+    page.get_by_role("button", name="Compute 4,000 points").click()
+    page.get_by_role("button", name="Cancel").wait_for(timeout=60_000)
+    page.get_by_text(re.compile(r"[1-9][0-9]* of 4,000")).wait_for(timeout=120_000)
+    go_to(page, tools, "Operating point")
+    at_point(page)
+    assert "points=2000" in page.url and "sweeps=cold" in page.url
+    go_to(page, tools, "Bifurcation")
+    at_point(page)
+    page.get_by_role("button", name="Cancel").click()
+    page.get_by_text("Cancelled at").wait_for(timeout=60_000)
+    page.get_by_role("button", name="Go on").wait_for()
+    page.screenshot(path=OUTPUT / "cancelled.png")
+    assert len([folder for folder in tmp_path.iterdir() if folder.name.startswith("bifurcation")]) == 1
 
 
 def test_an_emptied_field_keeps_its_value(address, tools):
@@ -188,27 +195,23 @@ def test_an_emptied_field_keeps_its_value(address, tools):
     watched.check()
 
 
-def test_a_click_on_my_map_tells_the_margin_of_the_cell(tools, tmp_path, monkeypatch):
+def test_a_click_on_my_map_tells_the_margin_of_the_cell(own_page, tools):
     """A small plane is mapped by a real job; a click on a cell, also on the dot of a solved one, moves point and margin."""
-    monkeypatch.setenv("SPAB_JOBS", str(tmp_path))
-    tmp_path.chmod(0o700)
-    with tools.dashboard() as address, tools.browser_page() as page:
-        watched = Watched(address)
-        watched.add(page).goto(f"{address}/My_map?bearing_number=3&rotor_mass=6")
+    page, address = own_page
+    page.goto(f"{address}/My_map?bearing_number=3&rotor_mass=6")
+    tools.settled(page)
+    for label, value in (("Bearing numbers", "2:4:5"), ("Rotor masses", "3:9:5")):
+        page.get_by_label(label).fill(value)
+        page.get_by_label(label).press("Enter")
         tools.settled(page)
-        for label, value in (("Bearing numbers", "2:4:5"), ("Rotor masses", "3:9:5")):
-            page.get_by_label(label).fill(value)
-            page.get_by_label(label).press("Enter")
-            tools.settled(page)
-        page.get_by_role("button", name="Map this bearing").click()
-        page.get_by_text("solved (25)").first.wait_for(timeout=120_000)
-        tools.settled(page)
-        click_cell(page, 2.5, 7.5)
-        page.wait_for_url("**bearing_number=2.5&rotor_mass=7.5**")
-        page.get_by_text("At 7.5 kg").wait_for()
-        assert page.get_by_label("Rotor mass, kg").input_value() == "7.5"
-        page.screenshot(path=OUTPUT / "my_map.png")
-    watched.check()
+    page.get_by_role("button", name="Map this bearing").click()
+    page.get_by_text("solved (25)").first.wait_for(timeout=120_000)
+    tools.settled(page)
+    click_cell(page, 2.5, 7.5)
+    page.wait_for_url("**bearing_number=2.5&rotor_mass=7.5**")
+    page.get_by_text("At 7.5 kg").wait_for()
+    assert page.get_by_label("Rotor mass, kg").input_value() == "7.5"
+    page.screenshot(path=OUTPUT / "my_map.png")
 
 
 def test_every_page_on_a_narrow_screen(address, tools):

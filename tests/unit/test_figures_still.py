@@ -33,7 +33,7 @@ def test_cells_have_the_colours_of_the_scale(figure):
     """Each pixel against Plotly's own interpolation of the colour scale; no exponent: no colour."""
     heat = next(t for t in figure.data if t.type == "heatmap")
     z = np.asarray(heat.z, float)
-    pixels = np.asarray(Image.open(io.BytesIO(sources(still(figure).body)[0])))[::-1]  # the lowest mass is the last row
+    pixels = np.asarray(Image.open(io.BytesIO(sources(still(figure).inside)[0])))[::-1]  # the lowest mass is the last row
     assert pixels.shape == (*z.shape, 4)
     assert np.array_equal(pixels[..., 3] == 0, np.isnan(z)) and np.isnan(z).any()
     for place in np.argwhere(~np.isnan(z))[:40]:
@@ -45,7 +45,7 @@ def test_cells_have_the_colours_of_the_scale(figure):
 def test_lines_and_cross_stand_where_the_axes_say(figure):
     picture = still(figure)
     line = next(t for t in figure.data if t.name == "linear stability threshold" and t.line.dash == "dash")
-    drawn = re.findall(r'd="([^"]+)"[^>]*dasharray', sources(picture.body)[1].decode())[0]
+    drawn = re.findall(r'd="([^"]+)"[^>]*dasharray', sources(picture.inside)[1].decode())[0]
     first = [float(v) for v in re.match(r"M(-?\d+) (-?\d+)", drawn).groups()]
     x, y = figure.layout.xaxis.range, figure.layout.yaxis.range
     shares = (line.x[0] - x[0]) / (x[1] - x[0]), (y[1] - line.y[0]) / (y[1] - y[0])

@@ -3,7 +3,6 @@
 import dataclasses
 import json
 import os
-import shutil
 import signal
 import time
 from pathlib import Path
@@ -154,11 +153,20 @@ def test_a_worker_that_never_shows_up_is_noticed(root, monkeypatch):
     assert find(job.id).state == "failed"
 
 
+def test_a_job_that_ends_while_it_is_read_is_told_as_it_ended(root):
+    """job.json was read while the job ran; its worker has gone since: state and counts are both those of the end."""
+    ended = until(submit("bifurcation", LINE).id, lambda j: not j.active)
+    before = json.loads((ended.folder / "job.json").read_text()) | {"state": "running", "done": 1, "finished": None}
+    until(ended.id, lambda j: not jobs._alive(j.folder))
+    found = jobs._job(ended.folder, before)
+    assert (found.state, found.done, found.finished) == ("done", ended.total, ended.finished)
+
+
 def test_what_the_work_raises_is_a_sentence(root):
     job = submit("bifurcation", LINE)
     until(job.id, lambda j: not j.active)
+    until(job.id, lambda j: not (j.folder / "parts").exists())  # the worker's last deed
     job.result.unlink()
-    shutil.rmtree(job.folder / "parts", ignore_errors=True)  # the worker may be about to
     (job.folder / "parts").write_text("no folder")
     submit("bifurcation", LINE)
     failed = until(job.id, lambda j: not j.active)
