@@ -30,7 +30,7 @@ st.markdown("#### Bifurcation diagrams")
 a, b, c = st.columns([2.6, 1.2, 1.2], vertical_alignment="bottom")
 kind = a.segmented_control("Line", LINES, key="line", on_change=_chosen, format_func={
     "paper": "The paper's two lines", "rotor-mass": "Over mass, through my point",
-    "bearing-number": "Over Λ, through my point"}.get) or LINES[0]
+    "bearing-number": "Over Λ, through my point"}.get)
 coordinates = b.pills("Coordinates, over C", COORDINATES, selection_mode="multi", key="coordinates",
                       help="X₂, Y₂: journal; X₁, Y₁: disc; at τ = 2πk") or VIEW["coordinates"].default
 sweeps = c.pills("Sweeps", SWEEPS, selection_mode="multi", key="sweeps",

@@ -54,7 +54,7 @@ name = a.selectbox("Model", names, key="model",
                    format_func=lambda k: f"{MODELS[k].label} ({MODELS[k].group})",
                    help="Paper: the four of Kuo, Lee and Wang. Interpolation: what a designer would do without them.")
 divisor = b.segmented_control("Cells trained on, of n solved ones", DIVISORS, key="divisor",
-                              format_func=lambda k: f"n/{k}") or 8
+                              format_func=lambda k: f"n/{k}")
 seed = c.number_input("Draw", 0, 999, None, key="draw",
                       help="Which cells are drawn to train on: another number, other cells")
 

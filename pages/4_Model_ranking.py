@@ -31,9 +31,9 @@ with errors_in_words():
 st.markdown("#### Which model predicts the map best?")
 st.success(suggestion(best_first))
 a, b, c = st.columns([2, 2.4, 0.9], vertical_alignment="bottom")
-metric = a.segmented_control("Error", METRICS, key="metric", format_func=str.upper) or METRICS[0]
+metric = a.segmented_control("Error", METRICS, key="metric", format_func=str.upper)
 kind = b.segmented_control("Over", CELLS, key="cells", format_func=lambda k: {
-    "held_out": "held-out cells", "all": "whole map (as the paper counts)"}[k]) or CELLS[0]
+    "held_out": "held-out cells", "all": "whole map (as the paper counts)"}[k])
 
 column = f"{metric}_{kind}"
 found = table(scores, column)[best_first.index]  # the best first

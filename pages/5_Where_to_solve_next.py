@@ -32,7 +32,7 @@ st.caption(f"Without the most strongly damped cells, from Λ = {DAMPED:g} on, th
 
 left, right = st.columns([1.25, 1], gap="medium")
 with left:
-    layer = st.segmented_control("Predicted", REFINE_LAYERS, key="refine_layer") or REFINE_LAYERS[0]
+    layer = st.segmented_control("Predicted", REFINE_LAYERS, key="refine_layer")
     figure = drawn_refinement(layer)
     st.plotly_chart(figure, key="plane", width="stretch")
     st.caption(f"Black: the {int(refined.solved.sum()):,} solved cells of {refined.batch.size:,}, from a coarse start of "
@@ -63,7 +63,7 @@ with right:
 
 st.markdown("##### What choosing saves")
 judged = st.segmented_control("Judged on", JUDGED, key="judged", format_func=lambda k: {
-    "unsolved": "all cells not solved", "withheld": "a fifth that neither may solve"}[k]) or JUDGED[0]
+    "unsolved": "all cells not solved", "withheld": "a fifth that neither may solve"}[k])
 st.plotly_chart(learning_curve_figure(rows, judged), key="curve", width="stretch")
 st.caption(f"Means over {rows['seed'].nunique()} seeds, bars: one standard deviation; both curves by the same committee of "
            "trees. Of all cells not solved, the hard ones are missing where they were chosen: a designer's gain. The withheld "

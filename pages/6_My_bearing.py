@@ -69,7 +69,7 @@ with right:
     numbers(found)
     if found.status == "ok":
         a, b = st.columns([2, 1], vertical_alignment="bottom")
-        against = a.segmented_control("Stiffness and damping of the film against", AGAINST, key="against") or AGAINST[0]
+        against = a.segmented_control("Stiffness and damping of the film against", AGAINST, key="against")
         with b:
             coefficient_downloads(design, mass, number,
                                   f"spab design coefficients{design_option()} --rotor-mass {mass:g} --rpm "
