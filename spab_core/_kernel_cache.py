@@ -14,23 +14,28 @@ from pathlib import Path
 
 import numba
 
+from spab_core.source_hash import source_hash
+
 _PREFIX = "spab-kernels-"
 _ROOM = 50_000_000  # bytes; the kernels take about ten million
 _KERNELS = ("dtm", "film", "integrate", "kernels", "linear", "rotor", "rows", "simd")
 _SOLVER = (*_KERNELS, "design", "floquet", "lyapunov", "point", "regimes", "simulate", "stability")
 
 
-def _hash(paths) -> str:
-    digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted(paths):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()[:16]
+def _short(text: str) -> str:
+    return hashlib.sha256(f"{numba.__version__} {text}".encode()).hexdigest()[:16]
+
+
+def _kernel_hash() -> str:
+    """Short hash of the kernels' files to the byte: numba keeps line numbers too, and a stale kernel must never be run."""
+    paths = [Path(__file__).parent / f"{name}.py" for name in _KERNELS]
+    return _short(" ".join(f"{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}" for path in paths))
 
 
 @functools.cache
 def solver_hash() -> str:
-    """Short hash of the sources, and the version of numba, that a computed operating point depends on."""
-    return _hash(Path(__file__).parent / f"{name}.py" for name in _SOLVER)
+    """Short hash of the code (:mod:`spab_core.source_hash`) and the version of numba that an operating point depends on."""
+    return _short(source_hash((Path(__file__).parent / f"{name}.py").read_bytes() for name in _SOLVER))
 
 
 def _usable(folder: Path) -> bool:
@@ -57,7 +62,7 @@ def _drop_damaged(folder: Path) -> None:
 
 def choose() -> None:
     """Point numba to the first usable place: NUMBA_CACHE_DIR, beside the sources, the home, a private temporary folder."""
-    name = _PREFIX + _hash(Path(__file__).parent / f"{module}.py" for module in _KERNELS)
+    name = _PREFIX + _kernel_hash()
     bases = [Path(__file__).parent / "__pycache__"]
     if os.environ.get("NUMBA_CACHE_DIR"):
         bases.insert(0, Path(os.environ["NUMBA_CACHE_DIR"]))

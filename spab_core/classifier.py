@@ -40,9 +40,12 @@ class RegimeTrees(ClassifierMixin, BaseEstimator):
 
     def fit(self, X, y):
         """Learn from X (n, 2), bearing number and rotor mass in kg, and regimes y (n,) of str."""
-        self.trees_ = ExtraTreesClassifier(TREES, max_features=None, min_samples_leaf=2, random_state=self.seed)
-        self.trees_.fit(self._inputs(X), y)
-        self.classes_ = np.array(REGIMES)
+        trees = ExtraTreesClassifier(TREES, max_features=None, min_samples_leaf=2, random_state=self.seed)
+        return self.with_trees(trees.fit(self._inputs(X), y))
+
+    def with_trees(self, trees: ExtraTreesClassifier) -> RegimeTrees:
+        """Take the trees of another one that was fitted, ``trees_``."""
+        self.trees_, self.classes_ = trees, np.array(REGIMES)
         return self
 
     def predict_proba(self, X):
@@ -84,7 +87,8 @@ class PredictedRegimes:
     train_seconds: float
 
 
-def predict_regimes(m: StabilityMap, divisor: int, seed: int = 0, split: str = "random") -> PredictedRegimes:
+def predict_regimes(m: StabilityMap, divisor: int, seed: int = 0, split: str = "random",
+                    classifier: RegimeTrees | None = None) -> PredictedRegimes:
     """Train the classifier on 1/divisor of a map's cells and predict the regimes of all of them.
 
     Parameters
@@ -92,6 +96,8 @@ def predict_regimes(m: StabilityMap, divisor: int, seed: int = 0, split: str = "
     m : StabilityMap
     divisor, seed, split
         As in ``surrogates.predict_map``.
+    classifier : RegimeTrees
+        Trained on these cells before; left out: trained now.
 
     Raises
     ------
@@ -101,7 +107,7 @@ def predict_regimes(m: StabilityMap, divisor: int, seed: int = 0, split: str = "
     index, inputs, _ = solved_cells(m)
     chosen, tested = split_cells(m, divisor, seed, split)
     began = time.perf_counter()
-    classifier = RegimeTrees(linear_table_of(m), seed).fit(inputs[chosen], m.regime.ravel()[index][chosen])
+    classifier = classifier or RegimeTrees(linear_table_of(m), seed).fit(inputs[chosen], m.regime.ravel()[index][chosen])
     seconds = time.perf_counter() - began
     probability = np.full((m.mle.size, len(REGIMES)), np.nan)
     probability[index] = classifier.predict_proba(inputs)

@@ -11,7 +11,7 @@ from spab_core.artifacts import ARTIFACTS, check_writable, load_reference_map
 from spab_core.cli_surrogates import step_bar
 from spab_core.design import InputError, check_number, check_output
 from spab_core.evaluation import SEEDS, errors
-from spab_core.pretrained import describe, dump, keep_model, model_source, train_on_map
+from spab_core.pretrained import describe, dump, keep_model, model_source, predictions, train_on_map
 from spab_core.release import rebuild, trainings, verify
 from spab_core.stability_map import StabilityMap, load_map
 from spab_core.surrogates import DIVISORS, MODELS, model
@@ -99,7 +99,8 @@ def _train_one(args) -> dict:
             raise InputError(f"{error}; or give --out") from None
     else:
         path = Path(args.out)
-        model_cache.write(path, dump(surrogate), model_source(m, kind, args.divisor, seed) | describe(surrogate))
+        noted = model_source(m, kind, args.divisor, seed) | describe(surrogate) | predictions(m, surrogate)
+        model_cache.write(path, dump(surrogate.estimator), noted)
     found = {k: v for k, v in errors(m, predicted).items() if k.endswith("held_out")}
     if not args.json:
         told = f"; held-out RMSE {found['rmse_held_out']:.4f}, MAE {found['mae_held_out']:.4f} per revolution" if found else ""

@@ -14,11 +14,11 @@ from spab_core.artifacts import ARTIFACTS, load_reference_map
 from spab_core.classifier import predict_regimes
 from spab_core.design import InputError, check_number, check_output, write_atomically
 from spab_core.evaluation import SEEDS, errors, evaluate, ranking, suggestion, table
-from spab_core.pretrained import find_model, predict_with, prediction_npz
+from spab_core.pretrained import find_certainty, find_model, predict_with, prediction_npz
 from spab_core.simulate import check_point
 from spab_core.stability_map import StabilityMap, load_map
 from spab_core.surrogates import DIVISORS, MODELS, SPLITS, Model, model
-from spab_core.uncertainty import CONFIDENCE, TooFewCells, uncertain_map
+from spab_core.uncertainty import CONFIDENCE, TooFewCells
 
 UNCERTAIN = "theory-trees"  # whose intervals are evaluated unless others are asked for
 
@@ -153,7 +153,7 @@ def _predict(args) -> dict:
         text.append(f"held-out RMSE {answer['rmse_held_out']:.4f}, MAE {answer['mae_held_out']:.4f} per revolution")
     if point[0] is not None:
         answer["mle_per_revolution"] = float(predicted.surrogate.predict(*point))
-        answer |= _certainty(m, kind, args.divisor, args.seed, *point)
+        answer |= _certainty(args, m, kind, *point)
         text.insert(0, f"MLE {answer['mle_per_revolution']:+.4f} per revolution, predicted")
         text.insert(1, f"{answer['regime']}, by the classifier")
         if answer["interval_90"]:
@@ -169,15 +169,17 @@ def _predict(args) -> dict:
     return answer
 
 
-def _certainty(m: StabilityMap, kind: Model, divisor: int, seed: int, number: float, mass: float) -> dict:
+def _certainty(args, m: StabilityMap, kind: Model, number: float, mass: float) -> dict:
     """Regime, interval and probability of instability at a point, from the same training cells as the prediction."""
     at = np.array([number]), np.array([mass])
     try:
-        found = uncertain_map(m, kind, divisor, seed)
+        found, notes = find_certainty(m, kind, args.divisor, args.seed, folder=ARTIFACTS if args.map is None else None)
     except TooFewCells as error:
         print(f"spab: no interval: {error}", file=sys.stderr)
-        classifier = predict_regimes(m, divisor, seed).classifier
+        classifier = predict_regimes(m, args.divisor, args.seed).classifier
         return {"regime": str(classifier.predict(np.column_stack(at))[0]), "interval_90": None, "probability_unstable": None}
+    for note in notes:
+        print(f"spab: {note}", file=sys.stderr)
     low, high = found.calibrated.intervals(*at)
-    return {"regime": str(found.regimes.classifier.predict(np.column_stack(at))[0]),
+    return {"regime": str(found.regimes.predict(np.column_stack(at))[0]),
             "interval_90": [float(low[0]), float(high[0])], "probability_unstable": float(found.calibrated.unstable(*at)[0])}

@@ -224,12 +224,13 @@ def _check_intervals(parameters: dict) -> dict:
 
 def _run_intervals(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:
     from spab_core.artifacts import load_reference_map
+    from spab_core.pretrained import shipped_certainty
     from spab_core.surrogates import model
     from spab_core.uncertainty import STEPS, save_intervals, uncertain_map
 
     set_total(STEPS)
-    found = uncertain_map(load_reference_map(), model(parameters["model"]), parameters["divisor"], parameters["seed"],
-                          progress=advance)
+    m, kind, divisor, seed = load_reference_map(), model(parameters["model"]), parameters["divisor"], parameters["seed"]
+    found = uncertain_map(m, kind, divisor, seed, progress=advance, known=shipped_certainty(m, kind, divisor, seed)[0])
     save_intervals(found, folder / "result.npz")
 
 

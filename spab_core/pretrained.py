@@ -1,13 +1,13 @@
 """Trained surrogates and their predicted maps: shipped, kept on this machine, or trained now.
 
 A joblib file is code to whoever opens it. One is opened only where the manifest of artifacts/ names it with the SHA-256 of
-its bytes, or the private folder of :mod:`spab_core.model_cache` holds it, and only where library versions, design, map and
-training code are those it was made with. All of that is checked before unpickling (docs/artifacts.md).
+its bytes, or the private folder of :mod:`spab_core.model_cache` holds it, and only where the versions that change a pickle's
+meaning, design, map and training code are those it was made with. All of that is checked before unpickling. It is used only if
+it then predicts what was noted with it (docs/artifacts.md). Python's own version does not matter.
 """
 
 from __future__ import annotations
 
-import ast
 import dataclasses
 import functools
 import hashlib
@@ -15,37 +15,64 @@ import importlib.metadata
 import io
 import json
 import platform
+import threading
 import time
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from multiprocessing.pool import ThreadPool
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import joblib
 import numpy as np
 import pandas as pd
 from joblib.parallel import ThreadingBackend
 from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.exceptions import InconsistentVersionWarning
 from threadpoolctl import threadpool_limits
 
-from spab_core import model_cache
+from spab_core import classifier, features, model_cache, surrogates, theory_models, uncertainty
 from spab_core.artifacts import ARTIFACTS, PREDICTIONS, SECONDS, ArtifactError, checked_bytes, read_manifest
+from spab_core.classifier import RegimeTrees
 from spab_core.design import Design
 from spab_core.npz import UNREADABLE, npz_bytes, open_npz
+from spab_core.simulate import check_point
+from spab_core.source_hash import source_hash
 from spab_core.stability_map import FIELDS, StabilityMap
-from spab_core.surrogates import Model, PredictedMap, Surrogate, predict_map, solved_cells, training_mask
+from spab_core.surrogates import (
+    MODELS,
+    Model,
+    PredictedMap,
+    Surrogate,
+    linear_table_of,
+    predict_map,
+    solved_cells,
+    training_mask,
+)
+from spab_core.uncertainty import Certainty, certainty
 
 SEED = 0  # of what is shipped
+DEFAULT = ("theory-trees", 8)  # model and fraction n/8 that pages begin with
 LIBRARIES = ("numpy", "scipy", "scikit-learn", "joblib", "numba")
-RECIPE = ("features", "surrogates", "theory_models")  # modules whose code makes a trained model what it is
+MEANING = {"scikit-learn": 2, "numpy": 1}  # how many numbers of a version say what a pickle means
+RECIPE = (features, surrogates, theory_models)  # modules whose code makes a trained model what it is
+INTERVALS_RECIPE = (*RECIPE, classifier, uncertainty)
+SAME = 1e-6  # per revolution or of a probability; without AVX and with another BLAS kernel predictions moved by 2e-14
+_GRID = 4  # predictions noted with a model: at 4 x 4 cells over the plane
 Progress = Callable[[int, int], None]  # steps done, steps in all
 
 
 @functools.cache
 def versions() -> dict[str, str]:
-    """Versions that a model file depends on: Python's without its last number, the libraries' in full."""
+    """What a model is made with, noted with it: Python's version without its last number, the libraries' in full."""
     return {"python": ".".join(platform.python_version_tuple()[:2])} | {
         name: importlib.metadata.version(name) for name in LIBRARIES}
+
+
+def _meaning(name: str, version: object) -> str:
+    return ".".join(str(version).split(".")[:MEANING[name]])[:20]
 
 
 def design_hash(design: Design) -> str:
@@ -63,21 +90,13 @@ def map_hash(m: StabilityMap) -> str:
 
 
 @functools.cache
-def recipe_hash() -> str:
-    """SHA-256 of the code of :data:`RECIPE`, comments and docstrings left out; differs between versions of Python."""
-    digest = hashlib.sha256()
-    for name in RECIPE:
-        tree = ast.parse((Path(__file__).parent / f"{name}.py").read_bytes())
-        for node in ast.walk(tree):
-            if (isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef)) and isinstance(node.body[0], ast.Expr)
-                    and isinstance(node.body[0].value, ast.Constant)):
-                node.body[0].value.value = ""
-        digest.update(ast.dump(tree).encode())
-    return digest.hexdigest()
+def recipe_hash(modules: tuple[ModuleType, ...] = RECIPE) -> str:
+    """Hash of modules' code, wherever they stand and however they are laid out (:mod:`spab_core.source_hash`)."""
+    return source_hash(Path(str(module.__file__)).read_bytes() for module in modules)
 
 
 def made_from(m: StabilityMap) -> dict:
-    """What anything computed from a map with surrogates depends on: ``versions``, ``recipe``, ``design``, ``map``."""
+    """What anything computed from a map with surrogates comes from: ``versions``, ``recipe``, ``design``, ``map``."""
     return {"versions": versions(), "recipe": recipe_hash(), "design": design_hash(m.design), "map": map_hash(m)}
 
 
@@ -89,6 +108,8 @@ def model_source(m: StabilityMap, kind: Model, divisor: int, seed: int) -> dict:
 def difference(noted: object, wanted: dict) -> str | None:
     """What, of all that ``wanted`` names, is otherwise in ``noted``: one clause for a sentence, or None.
 
+    Of versions only the numbers of :data:`MEANING` count.
+
     Parameters
     ----------
     noted : object
@@ -99,12 +120,12 @@ def difference(noted: object, wanted: dict) -> str | None:
     if not isinstance(noted, dict):
         return "nothing is noted of what it was made from"
     found = noted.get("versions")
-    for name, version in wanted.get("versions", {}).items():
-        before = found.get(name) if isinstance(found, dict) else None
-        if before != version:
-            return f"it was made with {name} {str(before)[:20]} and this is {name} {version}"
+    for name, now in ((name, _meaning(name, wanted["versions"][name])) for name in MEANING if "versions" in wanted):
+        before = _meaning(name, found.get(name) if isinstance(found, dict) else None)
+        if before != now:
+            return f"it was made with {name} {before} and this is {name} {now}"
     words = {"design": "it was made for another design", "map": "it was made from another map",
-             "recipe": "the code that makes it has changed since (spab_core/" + ".py, ".join(RECIPE) + ".py)"}
+             "recipe": "the code that makes it has changed since"}
     for key in wanted.keys() - {"versions"}:
         if noted.get(key) != wanted[key]:
             return words.get(key, f"it has {key} {str(noted.get(key))[:40]} and not {wanted[key]}")
@@ -116,11 +137,36 @@ def model_file(kind: Model, divisor: int) -> str:
     return f"surrogate_{kind.name}_n{divisor}.joblib"
 
 
-def dump(surrogate: Surrogate, compress=("xz", 6)) -> bytes:
-    """A trained model's estimator as the bytes of a joblib file; the same training gives the same bytes."""
+def intervals_file(kind: Model, divisor: int) -> str:
+    """Name of the file of the models behind a shipped model's intervals."""
+    return f"intervals_{kind.name}_n{divisor}.joblib"
+
+
+def dump(fitted: object, compress=("xz", 6)) -> bytes:
+    """Fitted estimators as the bytes of a joblib file; the same training gives the same bytes."""
     buffer = io.BytesIO()
-    joblib.dump(surrogate.estimator, buffer, compress=compress)
+    joblib.dump(fitted, buffer, compress=compress)
     return buffer.getvalue()
+
+
+def plain(surrogate: Surrogate) -> BaseEstimator:
+    """A trained model as scikit-learn's own estimators alone: a file of it opens wherever the code of this project stands."""
+    return surrogate.estimator.trees_ if surrogate.model.theory else surrogate.estimator
+
+
+def _around(fitted: BaseEstimator, m: StabilityMap, kind: Model, seed: int, cells: int, converged: bool | None) -> Surrogate:
+    """The surrogate of what :func:`plain` took out."""
+    estimator = fitted
+    if kind.theory:
+        estimator = kind.build(seed, linear_table_of(m))
+        estimator.trees_ = fitted
+    return Surrogate(kind, estimator, seed, cells, float("nan"), converged)
+
+
+def plain_certainty(known: Certainty) -> list[BaseEstimator]:
+    """The trained models behind intervals as scikit-learn's own estimators alone."""
+    found = known.calibrated
+    return [plain(found.surrogate), found.classifier.trees_, known.regimes.trees_]
 
 
 def describe(surrogate: Surrogate) -> dict:
@@ -128,21 +174,67 @@ def describe(surrogate: Surrogate) -> dict:
     return {"training_cells": surrogate.training_cells, "converged": surrogate.converged}
 
 
-def _restore(name: str, data: bytes, noted: object, wanted: dict, kind: Model, retrain: str) -> Surrogate:
-    """Unpickle checked bytes if they were made from what is wanted. Raises :class:`ArtifactError`."""
+def _noted_points(m: StabilityMap) -> tuple[np.ndarray, np.ndarray]:
+    """Bearing numbers and rotor masses (16,) of cells spread evenly over a map."""
+    axes = [a[[(2 * k + 1) * len(a) // (2 * _GRID) for k in range(_GRID)]] for a in (m.bearing_number, m.rotor_mass)]
+    number, mass = np.meshgrid(*axes, indexing="ij")
+    return number.ravel(), mass.ravel()
+
+
+def predictions(m: StabilityMap, trained: Surrogate | Certainty) -> dict:
+    """What is noted with a model to compare with once it is opened: ``predictions`` at 4 x 4 cells over the plane.
+
+    Exponents per revolution; of the models behind intervals lower bounds, upper ones, and the probabilities of instability and
+    of each regime.
+    """
+    points = _noted_points(m)
+    with threadpool_limits(1):
+        if isinstance(trained, Surrogate):
+            found = trained.predict(*points)
+        else:
+            found = np.concatenate([*trained.calibrated.intervals(*points), trained.calibrated.unstable(*points),
+                                    *trained.regimes.predict_proba(np.column_stack(points)).T])
+    return {"predictions": found.tolist()}
+
+
+_UNPICKLING = threading.Lock()  # warnings are caught for the whole process
+
+
+def _unpickle(name: str, data: bytes, retrain: str) -> Any:
+    """The content of checked bytes. Raises :class:`ArtifactError` for what cannot be opened, or only with a warning."""
+    try:
+        with _UNPICKLING, warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            found = joblib.load(io.BytesIO(data))
+    except Exception as error:  # the bytes are the right ones: something else is broken, which training mends
+        raise ArtifactError(f"{name} cannot be opened ({type(error).__name__}: {str(error)[:100]}); {retrain}") from None
+    for warning in told:
+        if not issubclass(warning.category, InconsistentVersionWarning):  # of another patch: what it predicts decides
+            raise ArtifactError(f"{name} is not used: opening it warns ({str(warning.message)[:100]}); {retrain}")
+    return found
+
+
+def _check_predictions(name: str, m: StabilityMap, noted: dict, trained: Surrogate | Certainty, retrain: str) -> None:
+    try:
+        expected = np.array(noted["predictions"], float)
+        found = np.array(predictions(m, trained)["predictions"])
+        apart = float(np.abs(found - expected).max()) if found.shape == expected.shape else np.inf
+    except Exception as error:
+        raise ArtifactError(f"{name} is not used: it cannot predict ({type(error).__name__}: {str(error)[:100]}); "
+                            f"{retrain}") from None
+    if not apart <= SAME:
+        raise ArtifactError(f"{name} is not used: with these libraries it predicts up to {apart:.3g} from what was noted with "
+                            f"it; {retrain}")
+
+
+def _noted(name: str, noted: object, wanted: dict, retrain: str) -> dict:
+    """What is noted of a file, if it was made from what is wanted. Raises :class:`ArtifactError`."""
     if apart := difference(noted, wanted):
         raise ArtifactError(f"{name} is not opened: {apart}; {retrain}")
     assert isinstance(noted, dict)
-    cells, converged = noted.get("training_cells"), noted.get("converged")
-    if not isinstance(cells, int) or converged not in (None, True, False):
+    if not isinstance(noted.get("training_cells"), int) or noted.get("converged") not in (None, True, False):
         raise ArtifactError(f"{name} is not opened: what is noted of it is damaged; {retrain}")
-    try:
-        estimator = joblib.load(io.BytesIO(data))
-        if not hasattr(estimator, "predict"):
-            raise TypeError("there is no model in it")
-    except Exception as error:  # the bytes are the right ones: something else is broken, which training mends
-        raise ArtifactError(f"{name} cannot be opened ({type(error).__name__}: {str(error)[:100]}); {retrain}") from None
-    return Surrogate(kind, estimator, wanted["seed"], cells, float("nan"), converged)
+    return noted
 
 
 def load_shipped_model(m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, folder: Path = ARTIFACTS) -> Surrogate:
@@ -151,15 +243,48 @@ def load_shipped_model(m: StabilityMap, kind: Model, divisor: int, seed: int = S
     Raises
     ------
     ArtifactError
-        Where it is not shipped, damaged, or made with other versions, for another design or from another map; says how to
-        train it again.
+        Where it is not shipped, damaged, made with libraries that mean something else by it, for another design or from
+        another map, or does not predict what was noted with it; says how to train it again.
     """
     name = model_file(kind, divisor)
     retrain = f"`spab train --model {kind.name} --divisor {divisor}` trains it again on this machine"
     if name not in read_manifest(folder):
         raise ArtifactError(f"{kind.label} trained on n/{divisor} is not shipped; {retrain}")
-    noted = read_manifest(folder)[name].get("made_from")
-    return _restore(name, checked_bytes(name, folder), noted, model_source(m, kind, divisor, seed), kind, retrain)
+    data = checked_bytes(name, folder)
+    noted = _noted(name, read_manifest(folder)[name].get("made_from"), model_source(m, kind, divisor, seed), retrain)
+    fitted = _unpickle(name, data, retrain)
+    found = _around(fitted, m, kind, seed, noted["training_cells"], noted.get("converged"))
+    _check_predictions(name, m, noted, found, retrain)
+    return found
+
+
+def intervals_source(m: StabilityMap, kind: Model, divisor: int, seed: int) -> dict:
+    """:func:`model_source` of the models behind intervals."""
+    return model_source(m, kind, divisor, seed) | {"recipe": recipe_hash(INTERVALS_RECIPE)}
+
+
+def load_shipped_certainty(m: StabilityMap, kind: Model, divisor: int, seed: int = SEED,
+                           folder: Path = ARTIFACTS) -> Certainty:
+    """The shipped models behind a model's intervals, checked as :func:`load_shipped_model` and calibrated.
+
+    Raises
+    ------
+    ArtifactError
+    """
+    name, retrain = intervals_file(kind, divisor), "they are trained again on this machine"
+    if name not in read_manifest(folder):
+        raise ArtifactError(f"the intervals of {kind.label} trained on n/{divisor} are not shipped; {retrain}")
+    data = checked_bytes(name, folder)
+    noted = _noted(name, read_manifest(folder)[name].get("made_from"), intervals_source(m, kind, divisor, seed), retrain)
+    fitted = _unpickle(name, data, retrain)
+    try:
+        inner, *trees = fitted
+        first, last = (RegimeTrees(linear_table_of(m), seed).with_trees(forest) for forest in trees)
+        found = certainty(m, kind, divisor, seed, (_around(inner, m, kind, seed, noted["training_cells"], None), first, last))
+    except Exception as error:
+        raise ArtifactError(f"{name} cannot be used ({type(error).__name__}: {str(error)[:100]}); {retrain}") from None
+    _check_predictions(name, m, noted, found, retrain)
+    return found
 
 
 def cache_name(m: StabilityMap, kind: Model, divisor: int, seed: int) -> str:
@@ -180,7 +305,11 @@ def load_kept_model(m: StabilityMap, kind: Model, divisor: int, seed: int = SEED
     found = model_cache.read(name)
     if found is None:
         return None
-    return _restore(name, found[0], found[1], model_source(m, kind, divisor, seed), kind, "it is trained again")
+    noted = _noted(name, found[1], model_source(m, kind, divisor, seed), "it is trained again")
+    estimator = _unpickle(name, found[0], "it is trained again")
+    kept = Surrogate(kind, estimator, seed, noted["training_cells"], float("nan"), noted.get("converged"))
+    _check_predictions(name, m, noted, kept, "it is trained again")
+    return kept
 
 
 class _CountingThread(ThreadingBackend):
@@ -248,6 +377,17 @@ def _with_plain_dtypes(m: StabilityMap) -> StabilityMap:
     return dataclasses.replace(m, **{name: getattr(m, name).astype(dtype) for name, dtype in {**axes, **FIELDS}.items()})
 
 
+_told: set[str] = set()
+
+
+def _once(error: ArtifactError) -> list[str]:
+    """The sentence, if this process has not told it yet."""
+    text = str(error)
+    new = [] if text in _told else [text]
+    _told.add(text)
+    return new
+
+
 @dataclass(frozen=True)
 class Found:
     """A trained model and where it came from.
@@ -258,7 +398,7 @@ class Found:
     origin : str
         ``shipped``, ``kept`` (trained on this machine before) or ``trained`` (now).
     notes : tuple of str
-        Why a shipped or kept one was not used, why the new one was not kept: sentences, mostly none.
+        Why a shipped or kept one was refused, told once in a process; why the new one was not kept. Sentences, mostly none.
     """
 
     surrogate: Surrogate
@@ -295,13 +435,15 @@ def _find(m, kind, divisor, seed, folder, progress) -> tuple[Found, PredictedMap
         try:
             return Found(load_shipped_model(m, kind, divisor, seed, folder), "shipped"), None
         except ArtifactError as error:
-            notes.append(str(error))
+            notes += _once(error)
     try:
         kept = load_kept_model(m, kind, divisor, seed)
         if kept is not None:
             return Found(kept, "kept", tuple(notes)), None
-    except ArtifactError as error:
+    except model_cache.CacheError as error:
         notes.append(str(error))
+    except ArtifactError as error:
+        notes += _once(error)
     predicted = train_on_map(m, kind, divisor, seed, progress)
     try:
         keep_model(m, predicted.surrogate, divisor)
@@ -333,8 +475,8 @@ def keep_model(m: StabilityMap, surrogate: Surrogate, divisor: int) -> Path:
     """Keep a trained model in the cache; its path there. Raises :class:`model_cache.CacheError`."""
     kind, seed = surrogate.model, surrogate.seed
     model_cache.cache_folder()  # before a forest is compressed in vain
-    noted = model_source(m, kind, divisor, seed) | describe(surrogate)
-    return model_cache.keep(cache_name(m, kind, divisor, seed), dump(surrogate, ("zlib", 1)), noted)
+    noted = model_source(m, kind, divisor, seed) | describe(surrogate) | predictions(m, surrogate)
+    return model_cache.keep(cache_name(m, kind, divisor, seed), dump(surrogate.estimator, ("zlib", 1)), noted)
 
 
 def _is_shipped(name: str, folder: Path) -> bool:
@@ -342,6 +484,119 @@ def _is_shipped(name: str, folder: Path) -> bool:
         return name in read_manifest(folder)
     except ArtifactError:
         return False
+
+
+def find_certainty(m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, *,
+                   folder: Path | None = ARTIFACTS) -> tuple[Certainty, tuple[str, ...]]:
+    """What says how sure a model is at any point: the shipped models behind its intervals, else trained now.
+
+    Parameters
+    ----------
+    m, kind, divisor, seed, folder
+        As :func:`find_model`.
+
+    Returns
+    -------
+    Certainty
+    tuple of str
+        Why the shipped ones were refused, told once in a process.
+
+    Raises
+    ------
+    TooFewCells
+        Where the training cells leave too few to calibrate with.
+    InputError
+        For too few cells.
+    """
+    known, notes = shipped_certainty(m, kind, divisor, seed, folder)
+    return known or certainty(m, kind, divisor, seed), notes
+
+
+def shipped_certainty(m: StabilityMap, kind: Model, divisor: int, seed: int = SEED,
+                      folder: Path | None = ARTIFACTS) -> tuple[Certainty | None, tuple[str, ...]]:
+    """As :func:`find_certainty`, None where nothing that is shipped serves."""
+    if folder is not None and seed == SEED and _is_shipped(intervals_file(kind, divisor), folder):
+        try:
+            return load_shipped_certainty(m, kind, divisor, seed, folder), ()
+        except ArtifactError as error:
+            return None, tuple(_once(error))
+    return None, ()
+
+
+@dataclass(frozen=True)
+class PointPrediction:
+    """What a surrogate says of one operating point; predicted, not solved.
+
+    Attributes
+    ----------
+    model : Model
+    training_cells : int
+        Solved cells of the map that it was trained on.
+    mle : float
+        Exponent per revolution.
+    low, high : float
+        Bounds of its 90 % interval, per revolution.
+    regime : str
+        One of ``regimes.REGIMES``, by the classifier.
+    probability_unstable : float
+        That the motion is not periodic.
+    notes : tuple of str
+        Why shipped models were refused, told once in a process; mostly none.
+    """
+
+    model: Model
+    training_cells: int
+    mle: float
+    low: float
+    high: float
+    regime: str
+    probability_unstable: float
+    notes: tuple[str, ...] = ()
+
+
+def predict_point(m: StabilityMap, rotor_mass: float, bearing_number: float, kind: Model = MODELS[DEFAULT[0]],
+                  divisor: int = DEFAULT[1], *, folder: Path | None = ARTIFACTS) -> PointPrediction:
+    """Predict one point with its interval, with the default model from what is shipped: nothing is trained nor solved.
+
+    What was opened is kept in memory: the first call takes about a second, the others some hundredths.
+
+    Parameters
+    ----------
+    m : StabilityMap
+        The shipped map, or another one with ``folder`` None.
+    rotor_mass : float
+        kg on one bearing.
+    bearing_number : float
+    kind, divisor
+        Left out: the ones that pages begin with.
+    folder : Path or None
+        Of the shipped files; None for a map of which nothing can be shipped.
+
+    Raises
+    ------
+    InputError
+        For a point out of range, or too few cells.
+    """
+    check_point(rotor_mass, bearing_number)
+    key = (map_hash(m), design_hash(m.design), kind.name, divisor, folder)
+    with _POINTS:
+        if key not in _points:
+            found = find_model(m, kind, divisor, folder=folder)
+            known, notes = find_certainty(m, kind, divisor, folder=folder)
+            _points.clear()
+            _points[key] = found.surrogate, known
+            notes = (*found.notes, *notes)
+        else:
+            notes = ()
+        surrogate, known = _points[key]
+    at = np.array([bearing_number], float), np.array([rotor_mass], float)
+    low, high = known.calibrated.intervals(*at)
+    return PointPrediction(kind, surrogate.training_cells, float(surrogate.predict(*at)[0]), float(low[0]), float(high[0]),
+                           str(known.regimes.predict(np.column_stack(at))[0]), float(known.calibrated.unstable(*at)[0]), notes)
+
+
+_POINTS = threading.Lock()
+_points: dict[tuple, tuple[Surrogate, Certainty]] = {}  # of the last map, model and fraction
 
 
 class OnDemand(RegressorMixin, BaseEstimator):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -9,6 +11,9 @@ from pathlib import Path
 
 import joblib
 import numpy as np
+import pandas as pd
+from sklearn.base import BaseEstimator
+from sklearn.compose import TransformedTargetRegressor
 from threadpoolctl import threadpool_limits
 
 from spab_core.artifacts import (
@@ -29,44 +34,77 @@ from spab_core.artifacts import (
     write_manifest,
 )
 from spab_core.design import Design, InputError, reference_design, write_atomically
-from spab_core.evaluation import SEEDS, errors, evaluate
+from spab_core.evaluation import SEEDS, errors, evaluate, uncertainty_scores
 from spab_core.npz import npz_bytes
 from spab_core.pretrained import (
+    DEFAULT,
     SEED,
     describe,
     difference,
     dump,
+    intervals_file,
+    intervals_source,
+    load_shipped_certainty,
     load_shipped_map,
     load_shipped_model,
     made_from,
     mask_hash,
     model_file,
     model_source,
+    plain,
+    plain_certainty,
     predict_with,
+    predictions,
     train_on_map,
 )
 from spab_core.stability_map import StabilityMap, load_map, save_map
 from spab_core.surrogates import DIVISORS, MODELS, Model, training_mask
+from spab_core.uncertainty import TooFewCells, certainty, uncertain_map
 
 # tables of errors by file: the models in them (None: all), and what evaluation.evaluate is asked besides
 TABLES: dict[str, tuple[tuple[str, ...] | None, dict]] = {
     SCORES: (None, {}), BLOCK_SCORES: (None, {"split": "blocks"}), UNCERTAINTY: (("theory-trees",), {"uncertainty": True}),
 }
-MAX_MODEL_BYTES = 2_000_000  # a larger model is trained on first use
-MAX_FOLDER_BYTES = 20_000_000  # of artifacts/ in all
+ALWAYS = (("forest", 8), DEFAULT)  # shipped whatever they take: the paper's best model, and the one that pages begin with
+INTERVALS = (DEFAULT,)  # whose intervals can be told without training
+MAX_MODEL_BYTES = 2_000_000  # another model that is larger is trained on first use
+MAX_FOLDER_BYTES = 40_000_000  # of artifacts/ in all
 STEP = 2.0**-16  # of a shipped exponent, per revolution
 TOLERANCE = STEP  # per revolution, between a shipped map and what its model predicts, on another processor too
 _COMPRESSION = 10  # more than xz ever gains on a model
 
 
-def _ship(m: StabilityMap, name: str, divisor: int) -> tuple[np.ndarray, dict, bytes | None]:
-    """Predicted map, what is said of the model, and its file unless it is too large or an interpolation, which has none."""
+def _ship(m: StabilityMap, name: str, divisor: int) -> tuple[np.ndarray, dict, bytes | None, dict]:
+    """Predicted map, what is said of the model, its file unless it is too large or an interpolation, which has none, and what
+    is noted with the file."""
     kind = MODELS[name]
     predicted = train_on_map(m, kind, divisor, SEED)
     surrogate, data = predicted.surrogate, None
-    if kind.group != "interpolation" and len(dump(surrogate, 0)) <= _COMPRESSION * MAX_MODEL_BYTES:
-        data = dump(surrogate)
-    return rounded(predicted.mle), describe(surrogate), data
+    if (name, divisor) in ALWAYS:
+        data = dump(slim(plain(surrogate)))
+    elif kind.group != "interpolation" and len(dump(plain(surrogate), 0)) <= _COMPRESSION * MAX_MODEL_BYTES:
+        data = dump(plain(surrogate))
+    return rounded(predicted.mle), describe(surrogate), data, predictions(m, surrogate)
+
+
+def ship_intervals(m: StabilityMap, name: str, divisor: int) -> tuple[bytes, dict]:
+    """File of the models behind intervals, and what it was made from. Raises ``TooFewCells``."""
+    kind = MODELS[name]
+    known = certainty(m, kind, divisor, SEED)
+    source = intervals_source(m, kind, divisor, SEED) | describe(known.calibrated.surrogate) | predictions(m, known)
+    return dump([slim(fitted) for fitted in plain_certainty(known)]), source
+
+
+def slim(fitted: BaseEstimator) -> BaseEstimator:
+    """Zero, in place, what no prediction of a forest reads: impurities, counts, means of inner nodes; half of its file."""
+    forest = fitted.regressor_[-1] if isinstance(fitted, TransformedTargetRegressor) else fitted
+    for fitted_tree in forest.estimators_:
+        tree = fitted_tree.tree_
+        tree.impurity[:] = 0.0
+        tree.n_node_samples[:] = 0
+        tree.weighted_n_node_samples[:] = 0.0
+        tree.value[tree.children_left >= 0] = 0.0
+    return fitted
 
 
 def rounded(mle: np.ndarray) -> np.ndarray:
@@ -75,10 +113,13 @@ def rounded(mle: np.ndarray) -> np.ndarray:
 
 
 def _choose(files: dict[str, dict[int, bytes | None]], room: int) -> dict[tuple[str, int], bytes]:
-    """The models to ship, the smallest kinds first, as long as there is room."""
-    small = {name: {k: data for k, data in by_divisor.items() if data is not None and len(data) <= MAX_MODEL_BYTES}
+    """The models to ship: those of :data:`ALWAYS`, then the smallest kinds first, as long as there is room."""
+    chosen = {(name, divisor): data for name, by_divisor in files.items() for divisor, data in by_divisor.items()
+              if data is not None and (name, divisor) in ALWAYS}
+    room -= sum(map(len, chosen.values()))
+    small = {name: {k: data for k, data in by_divisor.items()
+                    if data is not None and len(data) <= MAX_MODEL_BYTES and (name, k) not in chosen}
              for name, by_divisor in files.items()}
-    chosen = {}
     for name in sorted(small, key=lambda name: (sum(map(len, small[name].values())), name)):
         for divisor, data in sorted(small[name].items()):
             if len(data) <= room:
@@ -90,7 +131,7 @@ def _choose(files: dict[str, dict[int, bytes | None]], room: int) -> dict[tuple[
 def rebuild(m: StabilityMap, folder: Path = ARTIFACTS, *, models: Sequence[Model] = tuple(MODELS.values()),
             divisors: Sequence[int] = DIVISORS, seeds: Sequence[int] = SEEDS, workers: int = 1,
             progress: Callable[[int], None] | None = None) -> dict[str, int]:
-    """Train everything that is shipped and write it: scores, predicted maps, the small models, the manifest.
+    """Train everything that is shipped and write it: scores, predicted maps, models, the manifest.
 
     The same map and versions give the same bytes, on one process or several. The manifest is written last, so an interrupted
     run leaves files that are refused.
@@ -132,7 +173,9 @@ def rebuild(m: StabilityMap, folder: Path = ARTIFACTS, *, models: Sequence[Model
     maps: dict[str, list] = {kind.name: [] for kind in models}
     about: dict[str, list] = {kind.name: [] for kind in models}
     files: dict[str, dict] = {kind.name: {} for kind in models}
-    for (name, divisor), (mle, words, data) in zip(jobs, run(joblib.delayed(_ship)(m, *job) for job in jobs), strict=True):
+    noted: dict[str, dict] = {}
+    shipped = run(joblib.delayed(_ship)(m, *job) for job in jobs)
+    for (name, divisor), (mle, words, data, noted[model_file(MODELS[name], divisor)]) in zip(jobs, shipped, strict=True):
         maps[name].append(mle)
         about[name].append(words)
         files[name][divisor] = data
@@ -148,13 +191,18 @@ def rebuild(m: StabilityMap, folder: Path = ARTIFACTS, *, models: Sequence[Model
         for name, scores in tables.items()}
     written[PREDICTIONS] = npz_bytes(arrays | {"metadata": np.array(json.dumps(metadata, sort_keys=True))})
     sources = dict.fromkeys(written, source)
+    for name, divisor in (job for job in INTERVALS if job in jobs):
+        with contextlib.suppress(TooFewCells):
+            path = intervals_file(MODELS[name], divisor)
+            written[path], sources[path] = ship_intervals(m, name, divisor)
     others = sum((folder / name).stat().st_size for name in present_files(folder)
                  if name not in written and not _is_model(name))
     room = MAX_FOLDER_BYTES - others - sum(map(len, written.values())) - 200_000  # the manifest
     for (name, divisor), data in _choose(files, room).items():
         path = model_file(MODELS[name], divisor)
         written[path] = data
-        sources[path] = model_source(m, MODELS[name], divisor, SEED) | about[name][list(divisors).index(divisor)]
+        sources[path] = (model_source(m, MODELS[name], divisor, SEED) | about[name][list(divisors).index(divisor)]
+                         | noted[path])
     for name in present_files(folder):
         if _is_model(name) and name not in written:
             (folder / name).unlink()
@@ -180,7 +228,7 @@ def _tables(models: Sequence[Model]) -> list[tuple[str, list[Model], dict]]:
 
 
 def _is_model(name: str) -> bool:
-    return name.startswith("surrogate_") and name.endswith(".joblib")
+    return name.endswith(".joblib")
 
 
 def _drawn(m: StabilityMap, divisor: int) -> str:
@@ -215,7 +263,8 @@ def verify(folder: Path = ARTIFACTS) -> Iterator[Check]:
     """Check a folder of shipped files, one answer after the other.
 
     Names and checksums; map, lines, scores and predicted maps readable and of one another; versions, design, map and code of
-    each model, before it is opened; that the models predict the shipped maps, and the scores are those of the shipped maps.
+    each model, before it is opened; that models predict what was noted with them and the shipped maps, that intervals cover as
+    many cells as their table says, and that the scores are those of the shipped maps.
 
     Parameters
     ----------
@@ -252,8 +301,8 @@ def verify(folder: Path = ARTIFACTS) -> Iterator[Check]:
     yield _checked(f"{SCORES}: every model and fraction, and the errors of the shipped maps", _check_scores, m, folder)
     yield _checked(f"{PREDICTIONS}: every model and fraction", _check_maps, m, folder)
     for name in filter(_is_model, sorted(files)):
-        yield _checked(f"{name}: versions, code, design, map; predicts the shipped map", _check_model, m, name,
-                       files[name].get("made_from"), folder)
+        yield _checked(f"{name}: versions, code, design, map; predicts {'the shipped map' if name[0] == 's' else 'as noted'}",
+                       _check_model, m, name, files[name].get("made_from"), folder)
     size = sum((folder / name).stat().st_size for name in present)
     yield Check(f"{size / 1e6:.1f} MB in all, at most {MAX_FOLDER_BYTES / 1e6:g}",
                 "" if size <= MAX_FOLDER_BYTES else "too large for the repository")
@@ -296,6 +345,9 @@ def _check_scores(m, folder):
 def _check_model(m, name, noted, folder):
     noted = noted if isinstance(noted, dict) else {}
     kind, divisor = MODELS.get(str(noted.get("model"))), noted.get("divisor")
+    if kind is not None and isinstance(divisor, int) and name == intervals_file(kind, divisor):
+        _check_intervals(m, kind, divisor, folder)
+        return
     if kind is None or not isinstance(divisor, int) or name != model_file(kind, divisor):
         raise ArtifactError("the manifest does not say what it was made from: it is never opened; `spab train --all` makes the "
                             "models again, `git clean` removes what is not of the repository")
@@ -304,3 +356,14 @@ def _check_model(m, name, noted, folder):
     apart = float(np.nanmax(np.abs(predicted.mle - shipped.mle)))
     if not apart <= TOLERANCE:
         raise ArtifactError(f"it predicts up to {apart:.3g} per revolution from the shipped map")
+
+
+def _check_intervals(m, kind, divisor, folder):
+    found = uncertain_map(m, kind, divisor, SEED, known=load_shipped_certainty(m, kind, divisor, SEED, folder))
+    table = pd.read_csv(io.BytesIO(checked_bytes(UNCERTAINTY, folder))).set_index(["model", "divisor", "seed"])
+    if (kind.name, divisor, SEED) not in table.index:
+        raise ArtifactError(f"{kind.name} n/{divisor} is missing in {UNCERTAINTY}; `spab train --all` makes it again")
+    row = table.loc[kind.name, divisor, SEED]
+    for column, value in uncertainty_scores(m, found).items():
+        if not abs(float(row[column]) - value) <= TOLERANCE:
+            raise ArtifactError(f"{column} is {row[column]:.6g} in {UNCERTAINTY} and {value:.6g} with this model")

@@ -27,7 +27,7 @@ from spab_core.features import LinearFeatures, LinearTable, shipped_table
 from spab_core.npz import UNREADABLE, npz_bytes, open_npz
 from spab_core.regimes import REGIMES
 from spab_core.stability_map import StabilityMap
-from spab_core.surrogates import Model, Surrogate, linear_table_of, solved_cells, train
+from spab_core.surrogates import Model, Surrogate, linear_table_of, solved_cells, train, training_mask
 from spab_core.theory_models import baseline
 
 CONFIDENCE = 0.9
@@ -78,7 +78,7 @@ class Uncertainty:
 
 
 def calibrate(kind: Model, inputs: np.ndarray, mle: np.ndarray, regime: np.ndarray, seed: int = 0,
-              table: LinearTable | None = None) -> Uncertainty:
+              table: LinearTable | None = None, trained: tuple[Surrogate, RegimeTrees] | None = None) -> Uncertainty:
     """Train on three quarters of the cells and calibrate on the others.
 
     Parameters
@@ -93,6 +93,8 @@ def calibrate(kind: Model, inputs: np.ndarray, mle: np.ndarray, regime: np.ndarr
         Of the split and of the models.
     table : LinearTable
         Of the design; left out: the reference design's.
+    trained : Surrogate and RegimeTrees
+        Trained on these three quarters before; left out: trained now.
 
     Returns
     -------
@@ -109,8 +111,8 @@ def calibrate(kind: Model, inputs: np.ndarray, mle: np.ndarray, regime: np.ndarr
                           f"{int(MIN_CALIBRATION / CALIBRATION)} are needed")
     order = np.random.default_rng([seed, 1]).permutation(len(mle))  # not the draw of the training cells again
     held, used = order[:count], order[count:]
-    surrogate = train(kind, inputs[used], mle[used], seed, table)
-    classifier = RegimeTrees(table, seed).fit(inputs[used], regime[used])
+    surrogate, classifier = trained or (train(kind, inputs[used], mle[used], seed, table),
+                                        RegimeTrees(table, seed).fit(inputs[used], regime[used]))
     scale = np.ptp(inputs, axis=0) + 1e-300
     varies = mle - baseline(LinearFeatures(table).transform(inputs)) if kind.theory else mle  # what the model has to learn
     difficulty = DifficultyEstimator().fit(X=inputs[used] / scale, y=varies[used], k=min(_NEIGHBOURS, len(used)), scaler=False,
@@ -124,6 +126,45 @@ def calibrate(kind: Model, inputs: np.ndarray, mle: np.ndarray, regime: np.ndarr
     unstable = IsotonicRegression(y_min=0.0, y_max=1.0, out_of_bounds="clip")
     unstable.fit(1.0 - probability[:, REGIMES.index("periodic")], regime[held] != "periodic")
     return Uncertainty(surrogate, classifier, count, difficulty, conformal, bins, unstable, scale)
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """What says at any point of a map's plane how sure a surrogate is.
+
+    Attributes
+    ----------
+    regimes : RegimeTrees
+        Trained on all training cells.
+    calibrated : Uncertainty
+    """
+
+    regimes: RegimeTrees
+    calibrated: Uncertainty
+
+
+def certainty(m: StabilityMap, kind: Model, divisor: int, seed: int = 0,
+              trained: tuple[Surrogate, RegimeTrees, RegimeTrees] | None = None) -> Certainty:
+    """What :func:`uncertain_map` asks, without predicting the whole map.
+
+    Parameters
+    ----------
+    m, kind, divisor, seed
+        As there.
+    trained : Surrogate, RegimeTrees and RegimeTrees
+        Trained before: the first two on three quarters of the training cells, the last on all; left out: trained now.
+
+    Raises
+    ------
+    TooFewCells
+    InputError
+        For a fraction that leaves too few cells to train on.
+    """
+    index, inputs, mle = solved_cells(m)
+    chosen = training_mask(len(mle), divisor, seed)
+    regime, table = m.regime.ravel()[index][chosen], linear_table_of(m)
+    calibrated = calibrate(kind, inputs[chosen], mle[chosen], regime, seed, table, trained[:2] if trained else None)
+    return Certainty(trained[2] if trained else RegimeTrees(table, seed).fit(inputs[chosen], regime), calibrated)
 
 
 @dataclass(frozen=True)
@@ -170,7 +211,7 @@ STEPS = 3  # of uncertain_map
 
 
 def uncertain_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0, split: str = "random",
-                  progress: Callable[[int], None] = lambda steps: None) -> MapUncertainty:
+                  progress: Callable[[int], None] = lambda steps: None, known: Certainty | None = None) -> MapUncertainty:
     """Regimes, intervals and probabilities of a map from the training cells of ``surrogates.predict_map``.
 
     Parameters
@@ -181,6 +222,8 @@ def uncertain_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0, spl
         As in ``surrogates.predict_map``.
     progress : callable
         Called with the steps done since the last call, :data:`STEPS` in all.
+    known : Certainty
+        Of the same cells; left out: trained and calibrated now.
 
     Raises
     ------
@@ -188,12 +231,13 @@ def uncertain_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0, spl
     InputError
         For a split that cannot be made.
     """
-    regimes = predict_regimes(m, divisor, seed, split)
+    regimes = predict_regimes(m, divisor, seed, split, known.regimes if known else None)
     progress(1)
     index, inputs, mle = solved_cells(m)
     chosen = regimes.trained.ravel()[index]
     began = time.perf_counter()
-    found = calibrate(kind, inputs[chosen], mle[chosen], m.regime.ravel()[index][chosen], seed, linear_table_of(m))
+    found = known.calibrated if known else calibrate(kind, inputs[chosen], mle[chosen], m.regime.ravel()[index][chosen], seed,
+                                                     linear_table_of(m))
     seconds = regimes.train_seconds + time.perf_counter() - began
     progress(1)
     values = np.full((3, m.mle.size), np.nan)

@@ -24,6 +24,7 @@ from spab_core.film import DEFAULT_MESH, SCHEMES, parse_mesh
 from spab_core.form import FIELDS, to_form
 from spab_core.integrate import METHODS
 from spab_core.presets import PRESETS
+from spab_core.pretrained import DEFAULT
 from spab_core.quick_map import SECONDS
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.stability_map import axis
@@ -94,8 +95,8 @@ VIEW: dict[str, Field] = {
     "bearing_number": Field(3.45, _number("bearing_number", *BEARING_NUMBER_RANGE), "{:.6g}".format),
     "rotor_mass": Field(4.52, _number("rotor_mass", *ROTOR_MASS_RANGE, "kg"), "{:.6g}".format),
     "layer": Field(LAYERS[0], _one_of("layer", LAYERS)),
-    "model": Field("theory-trees", _one_of("model", MODELS)),
-    "divisor": Field(8, _one_of("divisor", DIVISORS)),
+    "model": Field(DEFAULT[0], _one_of("model", MODELS)),
+    "divisor": Field(DEFAULT[1], _one_of("divisor", DIVISORS)),
     "draw": Field(0, _number("draw", 0, 999, whole=True)),
     "method": Field(METHODS[0], _one_of("method", METHODS)),
     "mesh": Field(str(DEFAULT_MESH), _mesh),

@@ -183,7 +183,7 @@ def test_nothing_else_in_the_sources_unpickles():
                                              " exec(", "shell=True", "os.system", "yaml.load", "np.load(")):
                 found.append(f"{path.relative_to(ROOT)}: {line.strip()}")
     assert found == ["spab_core/features.py: with np.load(io.BytesIO(data), allow_pickle=False) as file:",
-                     "spab_core/pretrained.py: estimator = joblib.load(io.BytesIO(data))"]
+                     "spab_core/pretrained.py: found = joblib.load(io.BytesIO(data))"]
 
 
 def test_served_to_this_machine_alone(tmp_path):
