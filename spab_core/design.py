@@ -6,14 +6,21 @@ forces over p_a R², time as the shaft angle tau = omega t. See docs/model.md.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import errno
 import math
 import os
-import tempfile
+import secrets
+import time
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from importlib import resources
 from pathlib import Path
+from typing import TypeVar
+
+_T = TypeVar("_T")
 
 MAX_FEEDING_NUMBER = 1e6  # far below, the wall holds the whole film at the supply pressure
 
@@ -308,17 +315,45 @@ def check_output(path: str | os.PathLike, name: str) -> None:
 def write_atomically(path: str | os.PathLike, data: bytes) -> None:
     """Write a whole file or nothing: to a temporary file beside it, then renamed over it. A link's target is replaced."""
     path = Path(path).resolve()
-    handle, temporary = tempfile.mkstemp(dir=path.parent or Path(), prefix=f".{path.name}.", suffix=".tmp")
+    # not tempfile's name: in a folder closed to us it would try another one for hours on Windows
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
     try:
-        with os.fdopen(handle, "wb") as file:
+        with temporary.open("xb") as file:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
+        temporary.chmod(0o644)
+        patiently(lambda: temporary.replace(path))
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            temporary.unlink()
         raise
+
+
+_WAITS = (0.01, 0.03, 0.1, 0.3, 0.5)  # seconds
+
+
+def patiently(action: Callable[[], _T]) -> _T:
+    """Do something with a file, again within a second where it is denied: on Windows it is while others have the file open.
+
+    Parameters
+    ----------
+    action : callable
+        Without arguments; can be called again after it has failed.
+
+    Raises
+    ------
+    PermissionError
+        The last one.
+    """
+    for wait in _WAITS:
+        try:
+            return action()
+        except PermissionError as error:
+            if error.errno != errno.EACCES:
+                raise
+            time.sleep(wait)
+    return action()
 
 
 def reference_design() -> Design:

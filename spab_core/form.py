@@ -235,7 +235,7 @@ def read_design_bytes(data: bytes, name: str = "file") -> Design:
     if len(data) > MAX_DESIGN_BYTES:
         raise DesignError(f"design file {name[:100]!r}: it has {len(data):,} bytes; allowed are at most {MAX_DESIGN_BYTES:,}")
     try:
-        return parse_design(data.decode("utf-8"))
+        return parse_design(data.decode("utf-8-sig"))  # Windows' editors may begin with a mark
     except UnicodeDecodeError:
         raise DesignError(f"design file {name[:100]!r}: not a text file in UTF-8") from None
     except InputError as error:
