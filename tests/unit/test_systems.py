@@ -23,11 +23,12 @@ from streamlit.testing.v1 import AppTest
 from spab_core import _kernel_cache, export, jobs, model_cache, private_folder, report
 from spab_core.artifacts import ARTIFACTS, SCORES, check_writable
 from spab_core.bifurcation import load_bifurcation
-from spab_core.cli import main
 from spab_core.cli_dashboard import check_free
 from spab_core.design import InputError, design_toml, write_atomically
 from spab_core.form import read_design_bytes, read_design_file
+from spab_core.map_engine import compile_once, remove_temporaries
 from spab_core.npz import npz_bytes, open_npz
+from spab_core.stability_map import load_map
 from tests.conftest import ROOT
 
 TINY = {"mesh": "2x16", "transient": 20, "revolutions": 20}
@@ -36,27 +37,33 @@ LINE = {"vary": "rotor-mass", "at": 3.0, "range": "4:9:30", "sweeps": ["up", "co
 # what Python on Windows does not have; a parent's number stays after its death, and a file that another process has open for a
 # moment cannot be replaced: here every second time
 WINDOWS = """
-import ctypes, errno, os
+import errno, os
 
-for name in ("killpg", "getpgrp", "nice", "O_NOFOLLOW", "O_NONBLOCK", "getuid"):
+for name in ("killpg", "getpgrp", "nice", "O_NOFOLLOW", "getuid"):
     delattr(os, name)
 parent, replace, calls = os.getppid(), os.replace, []
 os.getppid = lambda: parent
 
 def denied_every_second_time(source, target, **options):
     calls.append(source)
-    if len(calls) % 2:
+    if len(calls) % 2 and "spab-kernels-" not in str(target):  # numba has a guard of its own there, on Windows alone
         raise PermissionError(errno.EACCES, "Permission denied", source)
     return replace(source, target, **options)
 
 os.replace = denied_every_second_time
-class CDLL(ctypes.CDLL):
+"""
+# the C library of Windows is not had without a name, that of macOS has no mallopt
+LIBRARIES = {"windows": """
     def __init__(self, name, *arguments, **options):
         if name is None:
             raise TypeError("bad argument type for built-in operation")
         super().__init__(name, *arguments, **options)
-ctypes.CDLL = CDLL
-"""
+""", "macos": """
+    def __getattr__(self, name):
+        if name == "mallopt":
+            raise AttributeError("dlsym(RTLD_DEFAULT, mallopt): symbol not found")
+        return super().__getattr__(name)
+"""}
 
 
 @pytest.fixture
@@ -66,7 +73,7 @@ def windows(tmp_path, monkeypatch):
     folder.mkdir()
     (folder / "sitecustomize.py").write_text(WINDOWS)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(folder), str(ROOT)]))
-    for name in ("killpg", "getpgrp", "nice", "O_NOFOLLOW", "O_NONBLOCK", "getuid"):
+    for name in ("killpg", "getpgrp", "nice", "O_NOFOLLOW", "getuid"):
         monkeypatch.delattr(os, name)
     monkeypatch.setattr(private_folder, "_FLAGS", os.O_RDONLY)
 
@@ -105,6 +112,7 @@ def job_once(name, wanted):
 
 @pytest.mark.slow
 def test_a_job_runs_is_cancelled_with_its_processes_goes_on_and_is_deleted(windows, root):
+    compile_once()
     job = jobs.submit("bifurcation", LINE)
     job_once(job.id, lambda j: j.done >= 5)
     worker = psutil.Process(json.loads((job.folder / "job.json").read_text())["pid"])
@@ -184,8 +192,6 @@ def test_a_folder_closed_by_access_lists_is_told_at_once_and_before_the_work(tmp
 
 
 def test_what_a_killed_writer_left_is_removed_under_its_names(tmp_path, monkeypatch):
-    from spab_core.map_engine import remove_temporaries
-
     def killed(handle):
         raise KeyboardInterrupt
     monkeypatch.setattr(os, "fsync", killed)
@@ -210,6 +216,7 @@ def test_files_of_ones_own_are_read_between_two_writes_and_no_links(windows, tmp
     with pytest.raises(OSError, match="symbolic"):
         private_folder.own_bytes(link, 10)
     (tmp_path / "a.npz").write_bytes(npz_bytes({"a": [1.0, 2.0]}))
+    monkeypatch.delattr(os, "O_NONBLOCK")  # in the fixture, filelock would miss it
     with open_npz(tmp_path / "a.npz") as data:
         assert list(data["a"]) == [1.0, 2.0]
 
@@ -265,22 +272,20 @@ def test_kernels_are_kept_where_their_whole_names_fit(tmp_path, monkeypatch):
 
 
 def test_names_of_kernels_are_no_longer_than_what_is_tried():
+    compile_once()
     names = [str(p.relative_to(p.parent.parent)) for p in Path(numba.config.CACHE_DIR).glob("*/*.nb?")]
     assert names and max(map(len, names)) + len(".tmp.0123456789abcdef") <= _kernel_cache._LONGEST
 
 
-@pytest.mark.parametrize("lost", ["windows", "macos"])
-def test_memory_is_bounded_as_far_as_another_c_library_lets(windows, lost):
-    program = ("import ctypes, sys\n"
-               "if sys.argv[1] == 'macos':\n"
-               "    class Library:\n"
-               "        pass\n"
-               "    ctypes.CDLL = lambda name, *a, **k: Library()\n"
+@pytest.mark.parametrize("system", LIBRARIES)
+def test_memory_is_bounded_as_far_as_another_c_library_lets(system):
+    program = (f"import ctypes\nclass CDLL(ctypes.CDLL):{LIBRARIES[system]}\nctypes.CDLL = CDLL\n"
                "from spab_core.ui.memory import bound_memory\n"
                "import pyarrow as pa\n"
                "bound_memory()\n"
                "print(pa.default_memory_pool().backend_name)")
-    done = subprocess.run([sys.executable, "-c", program, lost], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True,
+                          env=os.environ | {"PYTHONPATH": str(ROOT)})
     assert done.stdout == "system\n", done.stderr
 
 
@@ -398,7 +403,7 @@ def test_a_browser_that_keeps_its_profile_open_has_printed_all_the_same(tmp_path
 
 @pytest.mark.slow
 def test_a_map_on_two_processes_is_interrupted_and_goes_on(windows, tmp_path):
-    """Ctrl+C reaches all processes of a console, on Windows too."""
+    compile_once()
     command = [sys.executable, "-m", "spab_core.cli", "map", "--bearing-number", "2:4.5:6", "--rotor-mass", "3:18:40",
                "--mesh", "2x16", "--transient", "200", "--revolutions", "20", "--full-length", "--workers", "2",
                "--out", str(tmp_path / "m.npz")]
@@ -409,5 +414,4 @@ def test_a_map_on_two_processes_is_interrupted_and_goes_on(windows, tmp_path):
     assert run.returncode == 130 and "the same command goes on from them" in told and "Traceback" not in told, told
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert main(["export", str(tmp_path / "m.npz"), "--out", str(tmp_path / "m.csv")]) in (0, 2)
-    assert not (tmp_path / "m.npz.parts").exists()
+    assert load_map(tmp_path / "m.npz").shape == (6, 40) and not (tmp_path / "m.npz.parts").exists()
