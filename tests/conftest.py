@@ -9,7 +9,7 @@ import pytest
 
 from spab_core.design import reference_design
 from spab_core.film import Mesh, build_film, film_index, film_size
-from spab_core.integrate import METHODS, Options, advance, build_memory, build_record
+from spab_core.integrate import Options, advance, build_memory, build_record
 from spab_core.map_engine import compile_once
 from spab_core.rotor import build_rotor
 
@@ -67,7 +67,7 @@ class Run:
         if restart:
             self.memory.control[:] = 0.0
         record = build_record(revolutions, samples)
-        chosen = Options(METHODS.index(self.method), tolerance, **options)
+        chosen = Options(tolerance, **options)
         status, done = advance(self.system, self.memory, chosen, self.done, revolutions, record)
         self.done += done
         return status, record

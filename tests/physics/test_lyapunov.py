@@ -77,21 +77,15 @@ def system_of(slope, jacobian, curvature, force_rate):
         out[: d.size] += scale * d
 
     return bind(advance, slope=plain, slope_tangent=both, time_slope=rate, linearise=matrix, solve=dense_solve,
-                prepare_curvature=nothing, add_curvature=bend, error_norm=largest, observe=no_touchdown,
-                dtm_step=no_dtm)
-
-
-@njit
-def no_dtm(system, work, stages, series, t, h, u, v, with_tangent):
-    return math.inf
+                prepare_curvature=nothing, add_curvature=bend, error_norm=largest, observe=no_touchdown)
 
 
 def growth(advance, start, periods, discard, period, tolerance=1e-6):
     n = len(start)
     state, tangent = np.zeros(SIZE), np.zeros(SIZE)
     state[:n], tangent[:n] = start, 1.0 / math.sqrt(n)
-    memory = Memory(np.zeros((n, n)), np.zeros((20, SIZE)), np.zeros((1, SIZE)), state, tangent, np.zeros(5))
-    options = Options(0, tolerance, max_step=period / 4.0, tangent=True, period=period)
+    memory = Memory(np.zeros((n, n)), np.zeros((20, SIZE)), None, state, tangent, np.zeros(5))
+    options = Options(tolerance, max_step=period / 4.0, tangent=True, period=period)
     system = 0.0
     assert advance(system, memory, options, 0, discard, build_record(discard, 0))[0] == 0
     record = build_record(periods, 0)
@@ -165,17 +159,17 @@ def test_unforced_limit_cycle_has_exponent_zero():
 def test_henon_map():
     """A map through the same driver: one step a period replaces the Rosenbrock step."""
     @njit
-    def henon(system, work, stages, series, t, h, u, v, with_tangent):
+    def henon(system, work, stages, t, h, u, v, with_tangent):
         stages[12, 0], stages[12, 1] = 1.0 - 1.4 * u[0] ** 2 + u[1], 0.3 * u[0]
         stages[13, 0], stages[13, 1] = -2.8 * u[0] * v[0] + v[1], 0.3 * v[0]
         return 0.0
 
-    run = bind(advance, rodas_step=henon, observe=no_touchdown, dtm_step=no_dtm)
+    run = bind(advance, rodas_step=henon, observe=no_touchdown)
     state, tangent = np.zeros(SIZE), np.zeros(SIZE)
     state[:2], tangent[0] = (0.1, 0.1), 1.0
-    memory = Memory(np.zeros((2, 2)), np.zeros((20, SIZE)), np.zeros((1, SIZE)), state, tangent, np.zeros(5))
+    memory = Memory(np.zeros((2, 2)), np.zeros((20, SIZE)), None, state, tangent, np.zeros(5))
     record = build_record(200_000, 0)
-    options = Options(0, 1.0, max_step=1.0, fixed=True, tangent=True, period=1.0)
+    options = Options(1.0, max_step=1.0, fixed=True, tangent=True, period=1.0)
     assert run(0.0, memory, options, 0, 200_000, record)[0] == 0
     found = exponent(record.growth[100:])
     assert found.value == pytest.approx(0.4192, abs=0.003)
