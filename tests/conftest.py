@@ -4,6 +4,10 @@ import os
 import shutil
 from pathlib import Path
 
+# the workers of pytest share the cores: threads of BLAS and OpenMP, two of each in every worker, would wait for one another, so
+# that a quarter of a second's training took twenty; before numpy reads it
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 import numpy as np
 import pytest
 
