@@ -26,6 +26,14 @@ def pytest_configure(config):
         compile_once()
 
 
+LONG = ("browser/", "test_controls", "test_faults", "test_wheel", "test_jobs", "test_job_kinds", "test_cli_models", "test_hostile")
+
+
+def pytest_collection_modifyitems(items):
+    """Long files first: workers take files in this order, and none is left alone with one at the end."""
+    items.sort(key=lambda item: next((k for k, name in enumerate(LONG) if name in item.nodeid), len(LONG)))
+
+
 ROOT = Path(__file__).resolve().parent.parent
 
 
