@@ -26,7 +26,7 @@ def pytest_configure(config):
         compile_once()
 
 
-LONG = ("browser/", "test_controls", "test_faults", "test_wheel", "test_jobs", "test_job_kinds", "test_cli_models", "test_hostile")
+LONG = ("browser/", "test_controls", "test_faults", "test_wheel", "test_jobs", "test_job_kinds", "test_cli_models")
 
 
 def pytest_collection_modifyitems(items):
