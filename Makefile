@@ -31,10 +31,10 @@ test: $(VENV)/.ready
 
 # compiled for another processor than this one, in a folder of kernels of its own: x86-64-v2 has no AVX and no fused products,
 # x86-64-v3 is Haswell; CPU=native is this one
+FOREIGN := NUMBA_CACHE_DIR=$(abspath $(VENV))/kernels-$(CPU)
 ifneq ($(CPU),native)
-  AS := NUMBA_CPU_NAME=$(CPU) NUMBA_CPU_FEATURES=
+  FOREIGN += NUMBA_CPU_NAME=$(CPU) NUMBA_CPU_FEATURES=
 endif
-FOREIGN := $(AS) NUMBA_CACHE_DIR=$(CURDIR)/$(VENV)/kernels-$(CPU)
 COMPILE := -c "from spab_core.map_engine import compile_once; compile_once()"
 
 test-foreign: $(VENV)/.ready
@@ -53,7 +53,7 @@ OLD := VENV=.venv-oldest LOCK=requirements-oldest.lock CPU=native
 
 test-oldest:
 	$(MAKE) $(OLD) .venv-oldest/.ready
-	NUMBA_CACHE_DIR=$(CURDIR)/.venv-oldest/kernels-native .venv-oldest/bin/python -m pytest -q $(OLDEST)
+	NUMBA_CACHE_DIR=$(abspath .venv-oldest)/kernels-native .venv-oldest/bin/python -m pytest -q $(OLDEST)
 
 oldest:
 	$(MAKE) $(OLD) compiled
