@@ -109,14 +109,12 @@ def work_here(name):
 @pytest.fixture
 def queued(root, monkeypatch):
     """A job whose worker has not come."""
-    monkeypatch.setattr(jobs.sys, "executable", "/bin/false")
-    monkeypatch.setattr(os, "nice", lambda n: 0)
-    job = jobs.submit("bifurcation", LINE)
-    monkeypatch.undo()
-    os.environ["SPAB_JOBS"] = str(root)
+    with monkeypatch.context() as patch:
+        patch.setattr(jobs.sys, "executable", "/bin/false")
+        patch.setattr(os, "nice", lambda n: 0)
+        job = jobs.submit("bifurcation", LINE)
     jobs._workers.pop(job.id).wait(10)
-    yield job.id
-    os.environ.pop("SPAB_JOBS")
+    return job.id
 
 
 def start_again(name):
