@@ -263,29 +263,49 @@ class Design:
 
 
 _SECTIONS = {"bearing": Bearing, "gas": Gas, "rotor": Rotor, "contact": Contact}
-_MAX_TOML_BYTES = 100_000
+MAX_DESIGN_BYTES = 20_000  # tomllib takes time and memory by the square of a dotted key's length: 0.4 GB for this one
+
+
+def _check_length(content: str | bytes) -> None:
+    if len(content) > MAX_DESIGN_BYTES:
+        raise DesignError(f"it has more than {MAX_DESIGN_BYTES:,} bytes, the most that are allowed")
 
 
 def parse_design(text: str) -> Design:
-    """Read a design from TOML text (docs/model.md). Raises :class:`DesignError`."""
+    """Read a design from TOML text (docs/model.md). Raises :class:`DesignError`, also for a text that is too long."""
+    _check_length(text)
     try:
         return Design.from_dict(tomllib.loads(text))
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise DesignError(f"not a TOML file: {error}") from None
 
 
+def read_design_bytes(data: bytes, name: str = "file") -> Design:
+    """The design in the bytes of a TOML file, an upload for instance.
+
+    Raises
+    ------
+    DesignError
+        One sentence with the file's name: too large, no text, no TOML, or a wrong value.
+    """
+    try:
+        _check_length(data)
+        return parse_design(data.decode("utf-8-sig"))  # Windows' editors may begin with a mark
+    except UnicodeDecodeError:
+        raise DesignError(f"design file {name[:100]!r}: not a text file in UTF-8") from None
+    except InputError as error:
+        raise DesignError(f"design file {name[:100]!r}: {error}") from None
+
+
 def load_design(path: str | os.PathLike) -> Design:
-    """Read a design file. Raises :class:`DesignError` with the file's name in the message."""
+    """Read a design file. Raises :class:`DesignError` as :func:`read_design_bytes`, and where the file cannot be read."""
     try:
         with Path(path).open("rb") as file:
-            raw = file.read(_MAX_TOML_BYTES + 1)
-        if len(raw) > _MAX_TOML_BYTES:
-            raise DesignError(f"a design file has at most {_MAX_TOML_BYTES} bytes")
-        return parse_design(raw.decode("utf-8"))
-    except OSError as error:
-        raise DesignError(f"cannot read the design file {str(path)!r}: {error.strerror or error}") from None
-    except ValueError as error:  # DesignError, bad UTF-8, a null byte in the path
-        raise DesignError(f"design file {str(path)!r}: {error}") from None
+            data = file.read(MAX_DESIGN_BYTES + 1)
+    except (OSError, ValueError) as error:  # a null byte in the path
+        raise DesignError(
+            f"cannot read the design file {str(path)[:200]!r}: {getattr(error, 'strerror', None) or error}") from None
+    return read_design_bytes(data, str(path))
 
 
 def design_toml(design: Design) -> str:

@@ -4,6 +4,10 @@ import os
 import shutil
 from pathlib import Path
 
+# the workers of pytest share the cores: threads of BLAS and OpenMP, two of each in every worker, would wait for one another, so
+# that a quarter of a second's training took twenty; before numpy reads it
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 import numpy as np
 import pytest
 
@@ -20,6 +24,14 @@ def pytest_configure(config):
     """Compile the kernels once, before the worker processes of the session start."""
     if not hasattr(config, "workerinput") and config.getoption("numprocesses", 0):
         compile_once()
+
+
+LONG = ("browser/", "test_controls", "test_faults", "test_wheel", "test_jobs", "test_job_kinds", "test_cli_models")
+
+
+def pytest_collection_modifyitems(items):
+    """Long files first: workers take files in this order, and none is left alone with one at the end."""
+    items.sort(key=lambda item: next((k for k, name in enumerate(LONG) if name in item.nodeid), len(LONG)))
 
 
 ROOT = Path(__file__).resolve().parent.parent
