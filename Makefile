@@ -1,30 +1,69 @@
 PYTHON ?= python3
-BIN := .venv/bin
+VENV ?= .venv
+LOCK ?= requirements.lock
+CPU ?= x86-64-v2
+BIN := $(VENV)/bin
+# a Python that is asked for by name (make test PYTHON=python3.13) is the one of .venv: built again where it is another
+ifneq ($(origin PYTHON),file)
+  VERSION := import platform; print(platform.python_version())
+  ifneq ($(shell $(PYTHON) -c "$(VERSION)"),$(shell $(BIN)/python -c "$(VERSION)" 2>/dev/null))
+    ANOTHER := another-python
+  endif
+endif
+# what can come out otherwise on another processor: all physics, the parts of the core that solve, the pages that do while one waits
+SOLVING := tests/physics $(addprefix tests/unit/test_,kernels.py simulate.py map_engine.py bifurcation.py floquet.py spectrum.py \
+  determinism.py threads.py quick_map.py what_if.py margin.py export.py cli.py) \
+  $(addprefix tests/app/test_,operating_point.py bifurcation.py home.py my_bearing.py surrogates.py my_map.py)
+# what can come out otherwise on another Python or other versions: besides, what stores, reads, counts, imports and starts processes
+STORING := $(addprefix tests/unit/test_,memory.py dependencies.py design.py form.py artifacts.py pretrained.py no_code.py surrogates.py \
+  jobs.py cli_design.py cli_models.py regimes.py refine.py lines.py features.py) $(addprefix tests/app/test_,about.py view.py jobs.py)
 OLDEST := $(addprefix tests/unit/test_,design.py form.py export.py threads.py kernels.py simulate.py map_engine.py surrogates.py) \
   $(addprefix tests/physics/test_,film.py integrators.py points.py) $(addprefix tests/app/test_,about.py view.py home.py my_bearing.py)
 
-.PHONY: run test oldest test-oldest licences lint lock map train verify bifurcations audit linear-table refined manifest pictures results clean
+.PHONY: run test compiled test-foreign test-python oldest test-oldest licences lint lock map train verify bifurcations audit \
+  linear-table refined manifest pictures results clean another-python
 
-run: .venv/.ready
+run: $(VENV)/.ready
 	$(BIN)/streamlit run app.py
 
-test: .venv/.ready
+test: $(VENV)/.ready
 	$(BIN)/python -m pytest
+
+# compiled for another processor than this one, in a folder of kernels of its own: x86-64-v2 has no AVX and no fused products,
+# x86-64-v3 is Haswell; CPU=native is this one
+FOREIGN := NUMBA_CACHE_DIR=$(abspath $(VENV))/kernels-$(CPU)
+ifneq ($(CPU),native)
+  FOREIGN += NUMBA_CPU_NAME=$(CPU) NUMBA_CPU_FEATURES=
+endif
+COMPILE := -c "from spab_core.map_engine import compile_once; compile_once()"
+
+test-foreign: $(VENV)/.ready
+	$(FOREIGN) $(BIN)/python -m pytest $(SOLVING)
+
+# the same and what can depend on Python: make test-python PYTHON=python3.13 VENV=.venv-newest
+test-python: $(VENV)/.ready
+	$(FOREIGN) $(BIN)/python -m pytest $(SOLVING) $(STORING)
+
+compiled: $(VENV)/.ready
+	$(FOREIGN) $(BIN)/python $(COMPILE)
 
 # the oldest versions that pyproject.toml allows: core, view and what else depends on the libraries, without the models kept for
 # the newest ones
-test-oldest: oldest
-	NUMBA_CACHE_DIR=.venv-oldest/kernels .venv-oldest/bin/python -m pytest -q $(OLDEST)
+OLD := VENV=.venv-oldest LOCK=requirements-oldest.lock CPU=native
 
-oldest: .venv-oldest/.ready
-	NUMBA_CACHE_DIR=.venv-oldest/kernels .venv-oldest/bin/python -c "from spab_core.map_engine import compile_once; compile_once()"
+test-oldest:
+	$(MAKE) $(OLD) .venv-oldest/.ready
+	NUMBA_CACHE_DIR=$(abspath .venv-oldest)/kernels-native .venv-oldest/bin/python -m pytest -q $(OLDEST)
 
-lint: .venv/.ready
+oldest:
+	$(MAKE) $(OLD) compiled
+
+lint: $(VENV)/.ready
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
 # the exact versions everything is tested with, for every platform and Python from 3.11 on
-lock: .venv/.ready
+lock: $(VENV)/.ready
 	$(BIN)/pip install --quiet uv
 	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --extra test --no-emit-index-url --no-header \
 	  --output-file requirements.lock --upgrade pyproject.toml
@@ -32,67 +71,61 @@ lock: .venv/.ready
 	  --output-file requirements-oldest.lock --upgrade pyproject.toml
 
 # the shipped map: 42,500 cells, three quarters of an hour on two cores; an interrupted run goes on; then `make train`
-map: .venv/.ready
+map: $(VENV)/.ready
 	$(BIN)/spab map --bearing-number 0.05:8.5:170 --rotor-mass 0.1:25:250 --out artifacts/reference_map.npz --workers 2
 	$(BIN)/python -m spab_core.artifacts
 
 # scores, predicted maps and small models from the shipped map, the same to the bit on the same versions
-train: .venv/.ready
+train: $(VENV)/.ready
 	$(BIN)/spab train --all --workers 2
 
 # what is shipped is what the manifest says, and comes out of these versions, this design and this map
-verify: .venv/.ready
+verify: $(VENV)/.ready
 	$(BIN)/spab verify
 
 # the paper's lines, swept cold, up and down
-bifurcations: .venv/.ready
+bifurcations: $(VENV)/.ready
 	$(BIN)/spab bifurcation --vary rotor-mass --at 3.45 --range 0.1:25:500 --out artifacts/bifurcation_rotor_mass.npz --workers 2
 	$(BIN)/spab bifurcation --vary bearing-number --at 4.52 --range 0.05:8.5:500 --out artifacts/bifurcation_bearing_number.npz --workers 2
 	$(BIN)/python -m spab_core.artifacts
 
 # random cells of the shipped map again, finer and longer: docs/audit.csv
-audit: .venv/.ready
+audit: $(VENV)/.ready
 	$(BIN)/python benchmarks/audit_map.py
 
 # after `make map`: what refining saves on it, artifacts/refined_map.npz (n/16 of its cells) and docs/learning_curve.csv
-refined: .venv/.ready
+refined: $(VENV)/.ready
 	$(BIN)/spab refine --map artifacts/reference_map.npz --budget 2656 --seed 10 --out artifacts/refined_map.npz
 	$(BIN)/python -m spab_core.artifacts
 	$(BIN)/python benchmarks/learning_curve.py
 
 # the pictures of docs/results.md, drawn in Chromium
-results: .venv/.ready
+results: $(VENV)/.ready
 	$(BIN)/python docs/draw_results.py
 
 # linear stability of the reference design over the plane, an input of surrogates: half a minute
-linear-table: .venv/.ready
+linear-table: $(VENV)/.ready
 	$(BIN)/python -m spab_core.features
 
 # the licences of all that is installed: docs/licences.md
-licences: .venv/.ready
+licences: $(VENV)/.ready
 	$(BIN)/python benchmarks/licences.py
 
 # checksums of everything in artifacts/
-manifest: .venv/.ready
+manifest: $(VENV)/.ready
 	$(BIN)/python -m spab_core.artifacts
 
 # the pictures of docs/dashboard.md and the README, taken in Chromium
-pictures: .venv/.ready
+pictures: $(VENV)/.ready
 	$(BIN)/python docs/take_pictures.py
 
-.venv-oldest/.ready: pyproject.toml requirements-oldest.lock
-	$(PYTHON) -m venv .venv-oldest
-	.venv-oldest/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-oldest.lock
-	.venv-oldest/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
-	touch $@
-
-.venv/.ready: pyproject.toml requirements.lock
+$(VENV)/.ready: pyproject.toml $(LOCK) $(ANOTHER)
 	$(PYTHON) -c "import sys; sys.exit(0 if sys.version_info >= (3, 11) else 'spab needs Python 3.11 or newer')"
-	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(PYTHON) -m venv --clear $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r $(LOCK)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
 	touch $@
 
 clean:
-	rm -rf .venv .venv-oldest build *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .venv-oldest .venv-newest .ross build *.egg-info .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +

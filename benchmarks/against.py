@@ -24,7 +24,7 @@ from scipy.integrate import solve_ivp
 
 from spab_core.design import reference_design
 from spab_core.film import DEFAULT_MESH, build_film, film_array, film_size
-from spab_core.integrate import METHODS, Options, advance, build_memory, build_record
+from spab_core.integrate import Options, advance, build_memory, build_record
 from spab_core.kernels import build_work, fill_jacobian, slope
 from spab_core.rotor import build_rotor
 
@@ -64,7 +64,7 @@ class Problem:
         memory = build_memory(self.film, method)
         memory.state[:] = self.start
         record = build_record(REVOLUTIONS, 0)
-        status, _ = advance(self.system, memory, Options(METHODS.index(method), tolerance), SETTLE, REVOLUTIONS, record)
+        status, _ = advance(self.system, memory, Options(tolerance), SETTLE, REVOLUTIONS, record)
         return record.section[:, :4] if status == 0 else None
 
     def right_side(self, deadline):

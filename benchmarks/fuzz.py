@@ -253,7 +253,6 @@ def targets(folder):
         bifurcation,
         cli_jobs,
         features,
-        form,
         job_kinds,
         jobs,
         map_engine,
@@ -261,7 +260,7 @@ def targets(folder):
         oracles,
         point_file,
     )
-    from spab_core.design import InputError, design_toml, reference_design
+    from spab_core.design import InputError, design_toml, read_design_bytes, reference_design
     from spab_core.export import csv_bytes, map_table
     from spab_core.foreign import load_samples, read_samples, samples_bytes
     from spab_core.margin import margin
@@ -409,7 +408,7 @@ def targets(folder):
     intervals = {"low": small.mle, "high": small.mle, "unstable": small.mle, "regime": small.regime, "held_out": small.mle > 0,
                  "seconds": np.array(1.0)}
     return {
-        "design file": (14, [design_toml(p.design).encode() for p in PRESETS.values()], damaged_text, form.read_design_bytes),
+        "design file": (14, [design_toml(p.design).encode() for p in PRESETS.values()], damaged_text, read_design_bytes),
         "CSV upload": (14, [csv_bytes(grid), csv_bytes(short)], damaged_text, read_csv),
         "map": (10, [map_bytes(small)], damaged_npz, from_file(load_map, look_at_map)),
         "refinement": (8, [saved(save_refinement, refined)], damaged_npz,

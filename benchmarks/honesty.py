@@ -25,7 +25,7 @@ from scipy.integrate import simpson
 from spab_core import Settings, solve_point
 from spab_core.design import Bearing, Contact, Design, DesignError, Gas, Rotor
 from spab_core.film import build_film, film_array, film_fluxes, gas_content
-from spab_core.integrate import DEFAULT_TOLERANCE, METHODS, OK, REVOLUTION, Options, advance, build_memory, build_record
+from spab_core.integrate import DEFAULT_TOLERANCE, OK, REVOLUTION, Options, advance, build_memory, build_record
 from spab_core.rotor import build_rotor
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 
@@ -89,7 +89,7 @@ def gas_lost(point, pieces=PIECES):
     system = (film, build_rotor(point.design, point.rotor_mass, point.bearing_number))
     memory = build_memory(film, point.settings.method)
     memory.state[:] = point.trajectory.final
-    options = Options(METHODS.index(point.settings.method), point.settings.tolerance, period=REVOLUTION / pieces)
+    options = Options(point.settings.tolerance, period=REVOLUTION / pieces)
     contents, flows, sizes = [], [], []
     first = point.trajectory.completed * pieces + pieces // 8
     if advance(system, memory, options, first - pieces // 8, pieces // 8, build_record(pieces // 8, 0))[0] != OK:

@@ -27,7 +27,7 @@ def main():
     advance(system, memory, Options(), 0, 40, build_record(40, 0))
     u, v, work = memory.state, memory.tangent, memory.work
     a, b = np.zeros_like(u), np.zeros_like(u)
-    rodas = (system, work, memory.stages, memory.series, 250.0, 0.02, u, v)
+    rodas = (system, work, memory.stages, 250.0, 0.02, u, v)
     parts = {
         "slope": (slope, (system, 250.0, u, work, a)),
         "slope and its tangent": (slope_tangent, (system, 250.0, u, v, work, a, b)),

@@ -75,9 +75,9 @@ def _solves(system, work, out, repeat):
 
 
 @njit
-def _steps(system, work, stages, series, u, v, repeat):
+def _steps(system, work, stages, u, v, repeat):
     for _ in range(repeat):
-        rodas_step(system, work, stages, series, 250.0, 0.2, u, v, True)
+        rodas_step(system, work, stages, 250.0, 0.2, u, v, True)
 
 
 def _elimination(film, work):
@@ -113,7 +113,7 @@ def main():
         "slope and its tangent": (_tangents, (system, u, v, work, a, b, REPEAT), TANGENT * nodes),
         "form and factorise": (_factorise, (system, u, work, REPEAT), factor),
         "solve": (_solves, (system, work, a, REPEAT), one),
-        "whole step with tangent": (_steps, (system, work, memory.stages, memory.series, u, v, REPEAT), film_part),
+        "whole step with tangent": (_steps, (system, work, memory.stages, u, v, REPEAT), film_part),
     }
     rates = {name: [] for name in runs}
     for function, arguments, _ in runs.values():

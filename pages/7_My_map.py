@@ -2,7 +2,7 @@
 
 import streamlit as st
 
-from spab_core.export import map_table
+from spab_core.export import browser_path, map_table
 from spab_core.quick_map import check_cluster, check_quick_map, usual_plane
 from spab_core.report import report_html, report_pdf
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
@@ -95,7 +95,8 @@ if found:
                 st.download_button("Report, HTML", lambda: report_html(*page()).encode(), "report.html", "text/html",
                                    key="report_html", on_click="ignore", width="stretch")
                 st.download_button("Report, PDF", lambda: report_pdf(report_html(*page())), "report.pdf", "application/pdf",
-                                   key="report_pdf", on_click="ignore", width="stretch")
+                                   key="report_pdf", on_click="ignore", width="stretch", disabled=browser_path() is None,
+                                   help="Printed by Chromium or Chrome on the server")
 
 saved = [j for j in own_map.finished_maps() if job is None or j.id != job.id]
 if found and saved:

@@ -4,9 +4,9 @@ import pandas as pd
 import streamlit as st
 
 from spab_core.derived import derive
+from spab_core.design import read_design_bytes
 from spab_core.figures_point import orbit_figure
 from spab_core.figures_what_if import run_up_figure, tornado_figure
-from spab_core.form import read_design_bytes
 from spab_core.presets import PRESETS
 from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.ui.downloads import downloads

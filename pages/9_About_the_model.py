@@ -19,7 +19,8 @@ with errors_in_words():
     audited = load_audit()
 
 with button:
-    downloads("about", {"Audit": lambda: audit_figure(audited)}, {"Audited cells": audited.copy}, command="make audit")
+    downloads("about", {"Audit": lambda: audit_figure(audited)}, {"Audited cells": audited.copy},
+              command="python benchmarks/audit_map.py")
 
 equations, validation, found, differs = st.tabs(
     ["Equations and assumptions", "Numerics and validation", "Results", "Where it differs from the paper"])

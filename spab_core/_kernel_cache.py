@@ -18,6 +18,7 @@ from spab_core.source_hash import source_hash
 
 _PREFIX = "spab-kernels-"
 _ROOM = 50_000_000  # bytes; the kernels take about ten million
+_LONGEST = 140  # characters below the folder, in numba's names of files
 _KERNELS = ("dtm", "film", "integrate", "kernels", "linear", "rotor", "rows", "simd")
 _SOLVER = (*_KERNELS, "design", "floquet", "lyapunov", "point", "regimes", "simulate", "stability")
 
@@ -44,7 +45,11 @@ def _usable(folder: Path) -> bool:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         mine = not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
         room = any(folder.glob("*/*.nbc")) or shutil.disk_usage(folder).free > _ROOM
-        return mine and room and os.access(folder, os.W_OK)
+        # tried, with a path as long as numba's: os.access knows neither Windows' access lists nor its 260 characters
+        trial = folder / f"{os.getpid()}".ljust(_LONGEST, "-")
+        trial.touch()
+        trial.unlink(missing_ok=True)
+        return mine and room
     except OSError:
         return False
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import os
 import re
+import secrets
 import sys
 from pathlib import Path
 
@@ -46,8 +46,13 @@ def sha256(path: Path) -> str:
 
 def check_writable(folder: Path, name: str) -> None:
     """Raise ``InputError`` where no file can be made in a folder: before the work, not after it. ``name``: who needs it."""
-    if folder.is_dir() and not os.access(folder, os.W_OK | os.X_OK):
-        raise InputError(f"{name} cannot be written: the folder {folder} is read-only")
+    if folder.is_dir():
+        trial = folder / f".{secrets.token_hex(4)}.tmp"
+        try:  # os.access would not know of Windows' access lists
+            trial.touch(exist_ok=False)
+            trial.unlink()
+        except OSError:
+            raise InputError(f"{name} cannot be written: the folder {folder} is read-only") from None
 
 
 def _text(manifest: dict) -> bytes:
@@ -74,7 +79,7 @@ def read_manifest(folder: Path = ARTIFACTS) -> dict[str, dict]:
             raise ValueError
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise ArtifactError(f"{folder / MANIFEST} is missing or no manifest: restore the folder from the repository, or run "
-                            "`make manifest` after replacing a file on purpose") from None
+                            "`python -m spab_core.artifacts` after replacing a file on purpose") from None
     return files
 
 
@@ -127,14 +132,14 @@ def checked_bytes(name: str, folder: Path = ARTIFACTS) -> bytes:
     path = folder / name
     if name not in files:
         raise ArtifactError(f"{name} is not named in {folder / MANIFEST}: restore the folder from the repository, "
-                            "or run `make manifest` after replacing a file on purpose")
+                            "or run `python -m spab_core.artifacts` after replacing a file on purpose")
     try:
         data = path.read_bytes()
     except OSError as error:
         raise ArtifactError(f"cannot read {path}: {error.strerror or error}") from None
     if hashlib.sha256(data).hexdigest() != files[name]["sha256"]:
         raise ArtifactError(f"{path} is not the file that the manifest names (its SHA-256 differs): restore it from the "
-                            "repository, or run `make manifest` after replacing it on purpose")
+                            "repository, or run `python -m spab_core.artifacts` after replacing it on purpose")
     return data
 
 
@@ -178,7 +183,7 @@ def load_audit(path: Path = AUDIT) -> pd.DataFrame:
             raise ValueError(f"no column {sorted(missing)[0]!r}")
     except (OSError, ValueError) as error:
         told = getattr(error, "strerror", None) or error
-        raise ArtifactError(f"cannot read {path} ({told}): `make audit` makes it") from None
+        raise ArtifactError(f"cannot read {path} ({told}): `python benchmarks/audit_map.py` makes it") from None
     return rows
 
 

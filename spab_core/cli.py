@@ -17,9 +17,8 @@ from spab_core._version import __version__
 from spab_core.artifacts import check_writable
 from spab_core.bifurcation import SWEEPS, VARY, chaotic_intervals, check_line, compute_bifurcation, save_bifurcation
 from spab_core.cli_jobs import kept_when_stopped
-from spab_core.design import InputError, check_number, check_output, reference_design, write_atomically
+from spab_core.design import InputError, check_number, check_output, load_design, reference_design, write_atomically
 from spab_core.film import DEFAULT_MESH, SCHEMES, parse_mesh
-from spab_core.form import read_design_file
 from spab_core.integrate import DEFAULT_TOLERANCE, METHODS, is_compiled
 from spab_core.map_engine import compute_map, open_run, remove_parts
 from spab_core.point import solve_point
@@ -120,7 +119,7 @@ def _settings(args) -> Settings:
 
 
 def _design(args):
-    return read_design_file(args.design) if args.design is not None else reference_design()
+    return load_design(args.design) if args.design is not None else reference_design()
 
 
 def _say_compiling():

@@ -28,11 +28,12 @@ def check_free(address: str, port: int) -> None:
     except (OSError, UnicodeError):
         raise InputError(f"--address = {address[:100]!r} is no address of this machine, such as {ADDRESS}") from None
     with socket.socket(family, kind, protocol) as trial:
-        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server does: a port just left is free
+        if not hasattr(socket, "SO_EXCLUSIVEADDRUSE"):  # on Windows it would let two servers share a port
+            trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server does: a port just left is free
         try:
             trial.bind(place)
         except PermissionError:
-            raise InputError(f"--port = {port} is not allowed to you on this machine: take one from 1024 on") from None
+            raise InputError(f"--port = {port} is not allowed to you on this machine: give another one, from 1024 on") from None
         except OSError as error:
             raise InputError(f"--port = {port} cannot be used on {address} ({error.strerror or error}): is a dashboard open "
                              "there already? Give another --port") from None

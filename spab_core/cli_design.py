@@ -18,9 +18,9 @@ from spab_core.coefficients import (
     impedance,
 )
 from spab_core.derived import Derived, derive
-from spab_core.design import Design, InputError, check_output, reference_design, save_design
+from spab_core.design import Design, InputError, check_output, load_design, reference_design, save_design
 from spab_core.film import DEFAULT_MESH, parse_mesh
-from spab_core.form import bearing_number_of, read_design_file
+from spab_core.form import bearing_number_of
 from spab_core.presets import PRESETS, preset
 from spab_core.simulate import check_point
 from spab_core.stability_map import axis
@@ -72,7 +72,7 @@ def _design(args) -> Design:
         raise InputError("give either --design or --preset")
     if args.preset is not None:
         return preset(args.preset).design
-    return reference_design() if args.design is None else read_design_file(args.design)
+    return reference_design() if args.design is None else load_design(args.design)
 
 
 def _presets(args) -> dict:

@@ -95,7 +95,7 @@ def _evaluate(args) -> dict:
                           workers=args.workers, progress=bar.update)
     if args.out is not None:
         text = io.StringIO()
-        scores.to_csv(text, index=False)
+        scores.to_csv(text, index=False, lineterminator="\n")
         write_atomically(args.out, text.getvalue().encode())
     answer = {"split": args.split, "scores": json.loads(scores.to_json(orient="records", double_precision=15))}
     where = "held-out cells" if args.split == "random" else "withheld rectangles"

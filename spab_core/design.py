@@ -6,14 +6,21 @@ forces over p_a R², time as the shaft angle tau = omega t. See docs/model.md.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import errno
 import math
 import os
-import tempfile
+import secrets
+import time
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from importlib import resources
 from pathlib import Path
+from typing import TypeVar
+
+_T = TypeVar("_T")
 
 MAX_FEEDING_NUMBER = 1e6  # far below, the wall holds the whole film at the supply pressure
 
@@ -256,29 +263,49 @@ class Design:
 
 
 _SECTIONS = {"bearing": Bearing, "gas": Gas, "rotor": Rotor, "contact": Contact}
-_MAX_TOML_BYTES = 100_000
+MAX_DESIGN_BYTES = 20_000  # tomllib takes time and memory by the square of a dotted key's length: 0.4 GB for this one
+
+
+def _check_length(content: str | bytes) -> None:
+    if len(content) > MAX_DESIGN_BYTES:
+        raise DesignError(f"it has more than {MAX_DESIGN_BYTES:,} bytes, the most that are allowed")
 
 
 def parse_design(text: str) -> Design:
-    """Read a design from TOML text (docs/model.md). Raises :class:`DesignError`."""
+    """Read a design from TOML text (docs/model.md). Raises :class:`DesignError`, also for a text that is too long."""
+    _check_length(text)
     try:
         return Design.from_dict(tomllib.loads(text))
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise DesignError(f"not a TOML file: {error}") from None
 
 
+def read_design_bytes(data: bytes, name: str = "file") -> Design:
+    """The design in the bytes of a TOML file, an upload for instance.
+
+    Raises
+    ------
+    DesignError
+        One sentence with the file's name: too large, no text, no TOML, or a wrong value.
+    """
+    try:
+        _check_length(data)
+        return parse_design(data.decode("utf-8-sig"))  # Windows' editors may begin with a mark
+    except UnicodeDecodeError:
+        raise DesignError(f"design file {name[:100]!r}: not a text file in UTF-8") from None
+    except InputError as error:
+        raise DesignError(f"design file {name[:100]!r}: {error}") from None
+
+
 def load_design(path: str | os.PathLike) -> Design:
-    """Read a design file. Raises :class:`DesignError` with the file's name in the message."""
+    """Read a design file. Raises :class:`DesignError` as :func:`read_design_bytes`, and where the file cannot be read."""
     try:
         with Path(path).open("rb") as file:
-            raw = file.read(_MAX_TOML_BYTES + 1)
-        if len(raw) > _MAX_TOML_BYTES:
-            raise DesignError(f"a design file has at most {_MAX_TOML_BYTES} bytes")
-        return parse_design(raw.decode("utf-8"))
-    except OSError as error:
-        raise DesignError(f"cannot read the design file {str(path)!r}: {error.strerror or error}") from None
-    except ValueError as error:  # DesignError, bad UTF-8, a null byte in the path
-        raise DesignError(f"design file {str(path)!r}: {error}") from None
+            data = file.read(MAX_DESIGN_BYTES + 1)
+    except (OSError, ValueError) as error:  # a null byte in the path
+        raise DesignError(
+            f"cannot read the design file {str(path)[:200]!r}: {getattr(error, 'strerror', None) or error}") from None
+    return read_design_bytes(data, str(path))
 
 
 def design_toml(design: Design) -> str:
@@ -308,17 +335,45 @@ def check_output(path: str | os.PathLike, name: str) -> None:
 def write_atomically(path: str | os.PathLike, data: bytes) -> None:
     """Write a whole file or nothing: to a temporary file beside it, then renamed over it. A link's target is replaced."""
     path = Path(path).resolve()
-    handle, temporary = tempfile.mkstemp(dir=path.parent or Path(), prefix=f".{path.name}.", suffix=".tmp")
+    # not tempfile's name: in a folder closed to us it would try another one for hours on Windows
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
     try:
-        with os.fdopen(handle, "wb") as file:
+        with temporary.open("xb") as file:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
+        temporary.chmod(0o644)
+        patiently(lambda: temporary.replace(path))
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            temporary.unlink()
         raise
+
+
+_WAITS = (0.01, 0.03, 0.1, 0.3, 0.5)  # seconds
+
+
+def patiently(action: Callable[[], _T]) -> _T:
+    """Do something with a file, again within a second where it is denied: on Windows it is while others have the file open.
+
+    Parameters
+    ----------
+    action : callable
+        Without arguments; can be called again after it has failed.
+
+    Raises
+    ------
+    PermissionError
+        The last one.
+    """
+    for wait in _WAITS:
+        try:
+            return action()
+        except PermissionError as error:
+            if error.errno != errno.EACCES:
+                raise
+            time.sleep(wait)
+    return action()
 
 
 def reference_design() -> Design:

@@ -16,7 +16,7 @@ from numba import njit
 from spab_core.film import Film, film_size
 from spab_core.kernels import error_norm
 from spab_core.rotor import CENTRE
-from spab_core.rows import apply, following, opposite, preceding, turned
+from spab_core.rows import apply, following, opposite, preceding, span, turned
 from spab_core.simd import WIDTH, aligned_zeros, inner, kernel, splat, vload, vstore, vsum
 
 DTM_ORDER = 6
@@ -26,10 +26,9 @@ _K = DTM_ORDER + 1
 _S, _P, _Q, _GRADIENT, _CUBE, _AROUND, _FLUX, _ROWS = 0, 1, 2, 3, 4, 5, 6, 7
 
 
-def build_series(film: Film, method: int) -> np.ndarray:
-    """Memory for the transforms, shape (2 * 7 * (order + 1), size of the film); a single row where not needed."""
-    size = film_size(film)
-    rows = 2 * _ROWS * _K if method == 1 else 1
+def build_series(film: Film) -> np.ndarray:
+    """Memory for the transforms, shape (2 * 7 * (order + 1), size of the film)."""
+    size, rows = film_size(film), 2 * _ROWS * _K
     return aligned_zeros(rows * size).reshape(rows, size)
 
 
@@ -126,7 +125,7 @@ def _gap_order(cosine, g, k, j):
 @kernel
 def _pressure_order(film, z, g, k, dual):
     """Order k of P = S/H, of Q = P² and of its gradient; returns its share of the force, (fx, fy, dfx, dfy)."""
-    width = 2 * film.half
+    width = 2 * span(film.row)
     tangent = _ROWS * _K
     fx, fy, dfx, dfy = splat(0.0), splat(0.0), splat(0.0), splat(0.0)
     for j in range(film.rows):
@@ -164,14 +163,14 @@ def _pressure_order(film, z, g, k, dual):
             t = part * tangent
             for i in range(0, width, WIDTH):
                 vstore(z[t + _GRADIENT * _K + k], j * width + i,
-                       apply(film.gradient, 0, z[t + _Q * _K + k], j * width, i, film.half))
+                       apply(film.gradient, 0, z[t + _Q * _K + k], j * width, i, film.row))
     return vsum(fx), vsum(fy), vsum(dfx), vsum(dfy)
 
 
 @kernel
 def _cube_order(film, z, cosine, g, row, k, dual):
     """Order k of H³ at one kind of place, H = 1 - cosine g linear in the journal's position."""
-    width = 2 * film.half
+    width = 2 * span(film.row)
     tangent = _ROWS * _K
     for j in range(film.rows):
         for i in range(0, width, WIDTH):
@@ -195,22 +194,22 @@ def _cube_order(film, z, cosine, g, row, k, dual):
 @inner
 def _east_order(film, z, k, part, j, i):
     """Order k of H³ times the difference of Q at the faces east of row j; ``part`` 1: its derivative."""
-    t, rows, half = _ROWS * _K, film.rows, film.half
+    t, rows, half = _ROWS * _K, film.rows, span(film.row)
     o = j * 2 * half + i
     total = splat(0.0)
     for l in range(k + 1):
         q, h = z[part * t + _Q * _K + k - l], vload(z[_AROUND * _K + l], o)
-        total = total + h * (following(q, j, i, rows, half) - vload(q, o))
+        total = total + h * (following(q, j, i, rows, film.row) - vload(q, o))
         if part == 1:
             q, dh = z[_Q * _K + k - l], vload(z[t + _AROUND * _K + l], o)
-            total = total + dh * (following(q, j, i, rows, half) - vload(q, o))
+            total = total + dh * (following(q, j, i, rows, film.row) - vload(q, o))
     return total
 
 
 @kernel
 def _gas_order(film, z, k, part):
     """Order k + 1 of S from the fluxes of order k; ``part`` 0 the state, 1 the tangent."""
-    rows, half = film.rows, film.half
+    rows, half = film.rows, span(film.row)
     width, t = 2 * half, part * _ROWS * _K
     flux, s = z[t + _FLUX * _K + k], z[t + _S * _K + k]
     for j in range(rows):
@@ -224,13 +223,13 @@ def _gas_order(film, z, k, part):
             vstore(flux, o, total)
     supply = film.supply - 1.0 if k == 0 and part == 0 else 0.0
     for i in range(0, width, WIDTH):
-        west = turned(_east_order(film, z, k, part, rows - 1, opposite(i, half)), half)
+        west = turned(_east_order(film, z, k, part, rows - 1, opposite(i, film.row)), film.row)
         for j in range(rows):
             o = j * width + i
             east = _east_order(film, z, k, part, j, i)
-            total = apply(film.divergence, 0, flux, j * width, i, half) + vload(film.flux_around, i) * (east - west)
+            total = apply(film.divergence, 0, flux, j * width, i, film.row) + vload(film.flux_around, i) * (east - west)
             total = total + vload(film.feed, i) * (supply - vload(z[t + _Q * _K + k], o))
-            total = total - vload(film.couette, i) * (following(s, j, i, rows, half) - preceding(s, j, i, rows, half))
+            total = total - vload(film.couette, i) * (following(s, j, i, rows, film.row) - preceding(s, j, i, rows, film.row))
             vstore(z[t + _S * _K + k + 1], o, total * (1.0 / (k + 1)))
             west = east
 
@@ -239,7 +238,7 @@ def _gas_order(film, z, k, part):
 def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
     """One step of differential transformation of order :data:`DTM_ORDER`; same interface as ``rodas_step``."""
     film, rotor = system
-    n = film.rows * 2 * film.half
+    n = film.rows * 2 * span(film.row)
     if not u[n] * u[n] + u[n + 1] * u[n + 1] < 1.0:
         return math.inf
     z = series

@@ -63,7 +63,7 @@ def figure_png(figure: go.Figure, width: int = PNG_SIZE[0], height: int = PNG_SI
 
 def csv_bytes(table: pd.DataFrame) -> bytes:
     """A table as CSV."""
-    return table.to_csv(index=False).encode()
+    return table.to_csv(index=False, lineterminator="\n").encode()
 
 
 def map_table(m: StabilityMap) -> pd.DataFrame:

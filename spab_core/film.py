@@ -22,6 +22,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from spab_core.design import Design, DesignError
+from spab_core.rows import span
 from spab_core.simd import HALF, WIDTH, aligned_zeros
 
 
@@ -63,8 +64,10 @@ class Film(NamedTuple):
     ----------
     latitudes, columns : int
         M and N.
-    half, rows : int
-        The padded M and N/2.
+    row : tuple
+        () where a row fills one register, else (half,): its type tells the compiler which case to compile.
+    rows : int
+        N/2.
     node, flux_node : ndarray, (2 half,)
         cos(latitude) at the Gauss points and at the flux points; signed.
     gradient : ndarray, (half * 2 half,)
@@ -94,7 +97,7 @@ class Film(NamedTuple):
 
     latitudes: int
     columns: int
-    half: int
+    row: tuple[int, ...]
     rows: int
     node: np.ndarray
     flux_node: np.ndarray
@@ -113,6 +116,11 @@ class Film(NamedTuple):
     unit: np.ndarray
     eye: np.ndarray
     area: np.ndarray
+
+    @property
+    def half(self) -> int:
+        """The padded M."""
+        return span(self.row)
 
 
 @functools.cache
@@ -207,7 +215,7 @@ def build_film(design: Design, bearing_number: float, mesh: Mesh = DEFAULT_MESH,
     eye[:] = np.eye(width).ravel()
     theta = np.arange(rows) * dt
     return Film(
-        latitudes=m, columns=n, half=half, rows=rows,
+        latitudes=m, columns=n, row=() if half == HALF else (half,), rows=rows,
         node=vector(cosine, signed=True), flux_node=vector(flux_cosine, signed=True),
         gradient=matrix(gradient), divergence=matrix(divergence), across=across,
         flux_around=vector(scale / (cosine**2 * span2)),

@@ -12,7 +12,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
-from pathlib import Path
 
 from spab_core.design import (
     Bearing,
@@ -20,15 +19,12 @@ from spab_core.design import (
     Design,
     DesignError,
     Gas,
-    InputError,
     Rotor,
     check_number,
-    parse_design,
 )
 from spab_core.simulate import BEARING_NUMBER_RANGE
 
 GRADE_RANGE = (1e-3, 4000.0)  # mm/s; ISO 21940-11 names grades from G 0.4 to G 4000
-MAX_DESIGN_BYTES = 20_000  # tomllib takes time and memory by the square of a dotted key's length: 0.4 GB for this one
 RATIO_DIGITS = 12  # of a pressure that is a ratio in the design; enough to hold every reading, and below rounding
 
 
@@ -222,31 +218,3 @@ def bearing_number_of(design: Design, bearing_number: float | None, speed_rpm: f
     low, high = (design.speed_rpm(limit) for limit in BEARING_NUMBER_RANGE)
     number = design.bearing_number(check_number("speed", speed_rpm, low, high, "rpm") * math.pi / 30.0)
     return min(max(number, BEARING_NUMBER_RANGE[0]), BEARING_NUMBER_RANGE[1])
-
-
-def read_design_bytes(data: bytes, name: str = "file") -> Design:
-    """The design in the bytes of a TOML file that somebody handed in.
-
-    Raises
-    ------
-    DesignError
-        One sentence with the file's name: too large, no text, no TOML, or a wrong value.
-    """
-    if len(data) > MAX_DESIGN_BYTES:
-        raise DesignError(f"design file {name[:100]!r}: it has {len(data):,} bytes; allowed are at most {MAX_DESIGN_BYTES:,}")
-    try:
-        return parse_design(data.decode("utf-8"))
-    except UnicodeDecodeError:
-        raise DesignError(f"design file {name[:100]!r}: not a text file in UTF-8") from None
-    except InputError as error:
-        raise DesignError(f"design file {name[:100]!r}: {error}") from None
-
-
-def read_design_file(path: str) -> Design:
-    """The design in a TOML file. Raises :class:`DesignError` as :func:`read_design_bytes`, and where it cannot be read."""
-    try:
-        with Path(path).open("rb") as file:
-            data = file.read(MAX_DESIGN_BYTES + 1)
-    except (OSError, ValueError) as error:  # a null byte in the path
-        raise DesignError(f"cannot read the design file {path[:200]!r}: {getattr(error, 'strerror', None) or error}") from None
-    return read_design_bytes(data, path)

@@ -17,11 +17,14 @@ import math
 import types
 from typing import NamedTuple
 
+import numba
 import numpy as np
 from numba import njit
+from numba.extending import overload
 
+from spab_core.design import reference_design
 from spab_core.dtm import DTM_ORDER, build_series, dtm_step
-from spab_core.film import Film, film_index, film_size
+from spab_core.film import DEFAULT_MESH, Film, Mesh, build_film, film_index, film_size
 from spab_core.kernels import (
     Work,
     add_curvature,
@@ -33,7 +36,7 @@ from spab_core.kernels import (
     time_slope,
 )
 from spab_core.linear import linearise, solve
-from spab_core.rotor import ROTOR_STATES
+from spab_core.rotor import ROTOR_STATES, build_rotor
 from spab_core.simd import WIDTH, aligned_zeros, inner, kernel, splat, vload, vstore, vsum
 
 METHODS = ("rodas", "dtm")
@@ -83,8 +86,6 @@ class Options(NamedTuple):
 
     Attributes
     ----------
-    method : int
-        Index into :data:`METHODS`.
     tolerance : float
         Largest error estimate of a step (``kernels.error_norm``), unless ``fixed``.
     max_step : float
@@ -99,7 +100,6 @@ class Options(NamedTuple):
         In one revolution.
     """
 
-    method: int = 0
     tolerance: float = DEFAULT_TOLERANCE
     max_step: float = MAX_STEP
     fixed: bool = False
@@ -143,11 +143,14 @@ def build_record(revolutions: int, samples: int, tangent_size: int = 0) -> Recor
 
 
 class Memory(NamedTuple):
-    """State, tangent and scratch of one trajectory; ``control`` is [next step, steps, rejected, last step, its error]."""
+    """State, tangent and scratch of one trajectory; ``control`` is [next step, steps, rejected, last step, its error].
+
+    ``series`` is None for ``rodas``: its type tells the compiler which of the methods to compile.
+    """
 
     work: Work
     stages: np.ndarray
-    series: np.ndarray
+    series: np.ndarray | None
     state: np.ndarray
     tangent: np.ndarray
     control: np.ndarray
@@ -167,7 +170,7 @@ def build_memory(film: Film, method: str = "rodas") -> Memory:
     tangent[n], tangent[n + 1], tangent[n + 4], tangent[n + 5] = 0.5, 0.3, 0.4, -0.2
     tangent /= np.linalg.norm(tangent)
     stages = aligned_zeros(20 * size).reshape(20, size)
-    return Memory(build_work(film), stages, build_series(film, METHODS.index(method)), state, tangent, np.zeros(5))
+    return Memory(build_work(film), stages, build_series(film) if method == "dtm" else None, state, tangent, np.zeros(5))
 
 
 @inner
@@ -201,7 +204,7 @@ def _weighted_sum(scale, base, share, extra, stages, first, count, weights, out)
 
 
 @kernel
-def rodas_step(system, work, stages, series, t, h, u, v, with_tangent):
+def rodas_step(system, work, stages, t, h, u, v, with_tangent):
     """One RODAS4 step of state and tangent.
 
     Returns the error norm (inf: invalid); the new state is stages[12], the new tangent stages[13].
@@ -247,6 +250,20 @@ def rodas_step(system, work, stages, series, t, h, u, v, with_tangent):
         worth = 0.6 * DEFAULT_TOLERANCE * (h / TANGENT_STEP)**4
         error = max(error, min(math.sqrt(vsum(wrong) / vsum(size)) / TANGENT_SLACK, worth))
     return error
+
+
+def take_step(system, memory, t, h, with_tangent):
+    """One step of the method that the memory is for; returns the error norm and minus the reciprocal of its order."""
+    raise NotImplementedError  # compiled only
+
+
+@overload(take_step, jit_options={"error_model": "numpy", "nogil": True})
+def _take_step(system, memory, t, h, with_tangent):
+    if isinstance(memory.types[memory.fields.index("series")], numba.types.NoneType):
+        return lambda system, memory, t, h, with_tangent: (rodas_step(
+            system, memory.work, memory.stages, t, h, memory.state, memory.tangent, with_tangent), -0.25)
+    return lambda system, memory, t, h, with_tangent: (dtm_step(
+        system, memory.work, memory.stages, memory.series, t, h, memory.state, memory.tangent, with_tangent), -1.0 / DTM_ORDER)
 
 
 @kernel
@@ -312,7 +329,6 @@ def advance(system, memory, options, first, revolutions, record):
     """
     u, v, stages, control = memory.state, memory.tangent, memory.stages, memory.control
     new, new_v = stages[12], stages[13]
-    exponent = -0.25 if options.method == 0 else -1.0 / DTM_ORDER
     samples = record.path.shape[1]
     for row in range(revolutions):
         start = (first + row) * options.period
@@ -328,10 +344,7 @@ def advance(system, memory, options, first, revolutions, record):
             remaining = end - t
             count = math.ceil(remaining / natural * (1.0 - 1e-9))
             h = remaining / count
-            if options.method == 0:
-                error = rodas_step(system, memory.work, stages, memory.series, t, h, u, v, options.tangent)
-            else:
-                error = dtm_step(system, memory.work, stages, memory.series, t, h, u, v, options.tangent)
+            error, exponent = take_step(system, memory, t, h, options.tangent)
             steps += 1
             control[1] += 1.0
             size = error / options.tolerance
@@ -398,25 +411,32 @@ def bind(function, **replacements):
         :func:`advance` or :func:`rodas_step`.
     **replacements : dispatcher
         Compiled functions by the name they replace: ``slope``, ``slope_tangent``, ``time_slope``, ``linearise``, ``solve``,
-        ``prepare_curvature``, ``add_curvature``, ``error_norm``, ``observe``.
+        ``prepare_curvature``, ``add_curvature``, ``error_norm``, ``observe``, or the whole ``rodas_step``.
 
     Returns
     -------
     dispatcher
     """
     names = {**globals(), **replacements}
-    if function is advance and "rodas_step" not in replacements:
-        names["rodas_step"] = bind(rodas_step, **replacements)
+    if function is advance:
+        rodas = replacements.get("rodas_step") or bind(rodas_step, **replacements)
+        names["take_step"] = njit(nogil=True)(lambda system, memory, t, h, with_tangent: (
+            rodas(system, memory.work, memory.stages, t, h, memory.state, memory.tangent, with_tangent), -0.25))
     source = function.py_func
     return njit(nogil=True)(types.FunctionType(source.__code__, names, source.__name__))
 
 
-def is_compiled() -> bool:
-    """Whether :func:`advance` is in numba's cache, so that a first run need not compile it."""
-    if advance.signatures:
+def is_compiled(mesh: Mesh = DEFAULT_MESH, method: str = "rodas") -> bool:
+    """Whether :func:`advance` is compiled for such a mesh and method, here or in numba's cache, so that a run need not wait."""
+    design = reference_design()
+    film = build_film(design, 1.0, mesh)
+    arguments = ((film, build_rotor(design, 1.0, 1.0)), build_memory(film, method), Options(), 0, 1, build_record(1, 0))
+    signature = tuple(numba.typeof(a) for a in arguments)
+    if signature in advance.overloads:
         return True
     try:
-        return bool(advance._cache._cache_file._load_index())
+        cache = advance._cache
+        return cache._index_key(signature, advance.targetctx.codegen()) in cache._cache_file._load_index()
     except Exception:  # numba's private interface may change: then compiling is just not announced
         return True
 

@@ -3,7 +3,8 @@
 A job is a folder: ``job.json`` (request and state), ``log.txt``, what the work keeps, its result. The name holds a hash of the
 request, the solver and the version, so nothing is computed twice. Who holds ``.lock`` writes ``job.json``: the worker while it
 lives, else whoever starts it. A state "running" with a free lock is therefore a worker that was stopped from outside. To cancel
-is to leave a file ``cancel``; the worker sees it and ends its own process group, so no process is signalled by its number.
+is to leave a file ``cancel``; the worker sees it and ends itself and the processes it has started, so none is signalled by a
+number that was read from a file.
 """
 
 from __future__ import annotations
@@ -24,13 +25,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import psutil
 from filelock import FileLock, Timeout
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from spab_core import private_folder
 from spab_core._kernel_cache import solver_hash
 from spab_core._version import __version__
-from spab_core.design import InputError, write_atomically
+from spab_core.design import InputError, patiently, write_atomically
 from spab_core.job_kinds import KINDS
 from spab_core.map_engine import remove_parts, remove_temporaries
 
@@ -43,6 +45,9 @@ _MAX_BYTES = 1_000_000  # of a job.json
 _START_SECONDS = 120.0  # for a worker to show up, on a busy machine
 _WRITE_SECONDS, _LOOK_SECONDS = 0.25, 0.2
 _CANCEL_SECONDS = 10.0
+# a worker on Windows has no console whose Ctrl+C or end would be its own, and the dashboard goes first
+_FLAGS = sum(getattr(subprocess, name, 0)
+             for name in ("CREATE_NO_WINDOW", "CREATE_NEW_PROCESS_GROUP", "BELOW_NORMAL_PRIORITY_CLASS"))
 _workers: dict[str, subprocess.Popen] = {}  # started by this process
 # job.json, with the types of its values
 _FIELDS: dict[str, tuple] = {
@@ -50,7 +55,7 @@ _FIELDS: dict[str, tuple] = {
     "created": (int, float), "queued": (int, float), "started": (int, float, type(None)),
     "finished": (int, float, type(None)), "message": (str,), "pid": (int, type(None)),
 }
-_LARGEST = 1e11  # of any number there: a date in the year 5138
+_LARGEST = 3e10  # of any number there: a date in the year 2920; Windows knows none after 3000
 
 
 class JobError(InputError):
@@ -296,7 +301,7 @@ def _start(folder: Path, kind: str, parameters: dict) -> None:
     with (folder / "log.txt").open("ab") as log:
         worker = _workers[folder.name] = subprocess.Popen(
             [sys.executable, "-P", "-m", "spab_core.jobs", str(folder)], stdin=subprocess.DEVNULL, stdout=log, stderr=log,
-            cwd=folder, env=os.environ | {"PYTHONPATH": path}, start_new_session=True)
+            cwd=folder, env=os.environ | {"PYTHONPATH": path}, start_new_session=True, creationflags=_FLAGS)
     threading.Thread(target=worker.wait, daemon=True).start()  # or it would stay as a zombie
 
 
@@ -332,7 +337,7 @@ def delete(name: str) -> None:
     if _alive(folder) or (data and _now(folder, data)["state"] in ACTIVE):
         raise JobError(f"job {name} is at work: cancel it before it is deleted")
     try:
-        shutil.rmtree(folder)
+        patiently(lambda: shutil.rmtree(folder))  # Windows: its last process may not have ended yet
     except OSError as error:
         raise JobError(f"job {name} cannot be deleted: {error.strerror or error}") from None
 
@@ -377,6 +382,10 @@ class _Report:
             if (self.folder / "cancel").exists() and self.end("cancelled"):
                 if hasattr(os, "killpg") and os.getpgrp() == os.getpid():
                     os.killpg(os.getpid(), signal.SIGTERM)
+                else:  # Windows has no groups
+                    for process in psutil.Process().children(recursive=True):
+                        with contextlib.suppress(psutil.Error):
+                            process.kill()
                 os._exit(0)
             time.sleep(_LOOK_SECONDS)
 

@@ -16,8 +16,8 @@ from numba import njit
 
 from spab_core.film import Film, film_index, film_size
 from spab_core.rotor import CENTRE, ROTOR_STATES, RotorCoefficients
-from spab_core.rows import apply, following, near, opposite, preceding, turned
-from spab_core.simd import HALF, WIDTH, aligned_zeros, inner, kernel, splat, vload, vmin, vstore, vsum
+from spab_core.rows import apply, following, near, opposite, preceding, span, turned
+from spab_core.simd import WIDTH, aligned_zeros, inlined, inner, kernel, splat, vload, vmin, vstore, vsum
 
 
 class Work(NamedTuple):
@@ -134,7 +134,7 @@ def _load(rotor, n, t, out):
 def time_slope(system, t, out):
     """Partial derivative of the slope with respect to tau: unbalance, and the ramp while it lasts."""
     film, rotor = system
-    n = film.rows * 2 * film.half
+    n = film.rows * 2 * span(film.row)
     ramp = _ramp(rotor, t)
     rate = 1.0 / rotor.ramp if rotor.ramp > 0.0 and t < rotor.ramp else 0.0
     c = rate * math.cos(t) - ramp * math.sin(t)
@@ -147,15 +147,18 @@ def time_slope(system, t, out):
 
 
 @inner
-def east_flux(film, node, around, x, y, q, r, v, half):
+def east_flux(film, node, around, x, y, q, r, v):
     """Flux through the faces east of row r."""
+    half = span(film.row)
     h = 1.0 - node * (x * film.cos_face[r] + y * film.sin_face[r])
-    return around * (h * h * h) * (following(q, r, v, film.rows, half) - vload(q, r * 2 * half + v))
+    return around * (h * h * h) * (following(q, r, v, film.rows, film.row) - vload(q, r * 2 * half + v))
 
 
-@inner
-def _slope(system, t, u, work, out, half):
+@inlined
+def slope(system, t, u, work, out):
+    """film.film_slope, film.film_force and rotor.rotor_slope. False where the journal is outside the clearance."""
     film, rotor = system
+    half = span(film.row)
     rows, width = film.rows, 2 * half
     n = rows * width
     x, y = u[n], u[n + 1]
@@ -173,18 +176,18 @@ def _slope(system, t, u, work, out, half):
             fx, fy = fx - excess * c, fy - excess * s
         for v in range(0, width, WIDTH):
             h = 1.0 - vload(film.flux_node, v) * g
-            vstore(flux, r * width + v, (h * h * h) * apply(film.gradient, 0, q, r * width, v, half))
+            vstore(flux, r * width + v, (h * h * h) * apply(film.gradient, 0, q, r * width, v, film.row))
     supply = film.supply - 1.0
     for v in range(0, width, WIDTH):
         node, around = vload(film.node, v), vload(film.flux_around, v)
         couette, feed = vload(film.couette, v), vload(film.feed, v)
-        o = opposite(v, half)
-        west = turned(east_flux(film, vload(film.node, o), around, x, y, q, rows - 1, o, half), half)
+        o = opposite(v, film.row)
+        west = turned(east_flux(film, vload(film.node, o), around, x, y, q, rows - 1, o), film.row)
         for r in range(rows):
             k = r * width + v
-            east = east_flux(film, node, around, x, y, q, r, v, half)
-            total = apply(film.divergence, 0, flux, r * width, v, half) + (east - west) + feed * (supply - vload(q, k))
-            total = total - couette * (following(u, r, v, rows, half) - preceding(u, r, v, rows, half))
+            east = east_flux(film, node, around, x, y, q, r, v)
+            total = apply(film.divergence, 0, flux, r * width, v, film.row) + (east - west) + feed * (supply - vload(q, k))
+            total = total - couette * (following(u, r, v, rows, film.row) - preceding(u, r, v, rows, film.row))
             vstore(out, k, total)
             west = east
     zero = (0.0, 0.0, 0.0, 0.0)
@@ -193,30 +196,23 @@ def _slope(system, t, u, work, out, half):
     _load(rotor, n, t, out)
     return True
 
-
 @inner
-def slope(system, t, u, work, out):
-    """film.film_slope, film.film_force and rotor.rotor_slope. False where the journal is outside the clearance."""
-    film, _ = system
-    if film.half == HALF:  # the constant lets the compiler keep a row in a register
-        return _slope(system, t, u, work, out, HALF)
-    return _slope(system, t, u, work, out, film.half)
-
-
-@inner
-def _east_flux_tangent(film, node, around, x, y, dx, dy, q, dq, r, v, half):
+def _east_flux_tangent(film, node, around, x, y, dx, dy, q, dq, r, v):
     """Flux through the faces east of row r, and its derivative."""
+    half = span(film.row)
     c, s, k = film.cos_face[r], film.sin_face[r], r * 2 * half + v
     h = 1.0 - node * (x * c + y * s)
     slant = -3.0 * node * (dx * c + dy * s)
-    d = following(q, r, v, film.rows, half) - vload(q, k)
+    d = following(q, r, v, film.rows, film.row) - vload(q, k)
     scale = around * (h * h)
-    return scale * h * d, scale * (slant * d + h * (following(dq, r, v, film.rows, half) - vload(dq, k)))
+    return scale * h * d, scale * (slant * d + h * (following(dq, r, v, film.rows, film.row) - vload(dq, k)))
 
 
-@inner
-def _slope_tangent(system, t, u, v, work, out, out_v, half):
+@inlined
+def slope_tangent(system, t, u, v, work, out, out_v):
+    """:func:`slope` at ``u`` and its derivative along ``v``, in one pass over memory."""
     film, rotor = system
+    half = span(film.row)
     rows, width = film.rows, 2 * half
     n = rows * width
     x, y, dx, dy = u[n], u[n + 1], v[n], v[n + 1]
@@ -242,23 +238,23 @@ def _slope_tangent(system, t, u, v, work, out, out_v, half):
             k = r * width + i
             node = vload(film.flux_node, i)
             h = 1.0 - node * g
-            h2, gradient = h * h, apply(film.gradient, 0, q, r * width, i, half)
+            h2, gradient = h * h, apply(film.gradient, 0, q, r * width, i, film.row)
             vstore(flux, k, h2 * h * gradient)
-            vstore(dflux, k, h2 * (h * apply(film.gradient, 0, dq, r * width, i, half) - (3.0 * dg) * node * gradient))
+            vstore(dflux, k, h2 * (h * apply(film.gradient, 0, dq, r * width, i, film.row) - (3.0 * dg) * node * gradient))
     supply = film.supply - 1.0
     for i in range(0, width, WIDTH):
         node, around = vload(film.node, i), vload(film.flux_around, i)
         couette, feed = vload(film.couette, i), vload(film.feed, i)
-        o = opposite(i, half)
-        west, dwest = _east_flux_tangent(film, vload(film.node, o), around, x, y, dx, dy, q, dq, rows - 1, o, half)
-        west, dwest = turned(west, half), turned(dwest, half)
+        o = opposite(i, film.row)
+        west, dwest = _east_flux_tangent(film, vload(film.node, o), around, x, y, dx, dy, q, dq, rows - 1, o)
+        west, dwest = turned(west, film.row), turned(dwest, film.row)
         for r in range(rows):
             k = r * width + i
-            east, deast = _east_flux_tangent(film, node, around, x, y, dx, dy, q, dq, r, i, half)
-            total = apply(film.divergence, 0, flux, r * width, i, half) + (east - west) + feed * (supply - vload(q, k))
-            dtotal = apply(film.divergence, 0, dflux, r * width, i, half) + (deast - dwest) - feed * vload(dq, k)
-            total = total - couette * (following(u, r, i, rows, half) - preceding(u, r, i, rows, half))
-            dtotal = dtotal - couette * (following(v, r, i, rows, half) - preceding(v, r, i, rows, half))
+            east, deast = _east_flux_tangent(film, node, around, x, y, dx, dy, q, dq, r, i)
+            total = apply(film.divergence, 0, flux, r * width, i, film.row) + (east - west) + feed * (supply - vload(q, k))
+            dtotal = apply(film.divergence, 0, dflux, r * width, i, film.row) + (deast - dwest) - feed * vload(dq, k)
+            total = total - couette * (following(u, r, i, rows, film.row) - preceding(u, r, i, rows, film.row))
+            dtotal = dtotal - couette * (following(v, r, i, rows, film.row) - preceding(v, r, i, rows, film.row))
             vstore(out, k, total)
             vstore(out_v, k, dtotal)
             west, dwest = east, deast
@@ -269,39 +265,38 @@ def _slope_tangent(system, t, u, v, work, out, out_v, half):
     _load(rotor, n, t, out)
     return True
 
-
 @inner
-def slope_tangent(system, t, u, v, work, out, out_v):
-    """:func:`slope` at ``u`` and its derivative along ``v``, in one pass over memory."""
-    film, _ = system
-    if film.half == HALF:
-        return _slope_tangent(system, t, u, v, work, out, out_v, HALF)
-    return _slope_tangent(system, t, u, v, work, out, out_v, film.half)
-
-
-@inner
-def _bent_face(film, work, node, around, x, y, vx, vy, r, i, half):
+def _bent_face(film, work, node, around, x, y, vx, vy, r, i):
     """Second derivatives of the flux east of row r along v and: the gas east, the gas here, the journal's x, y."""
+    half = span(film.row)
     rows, k = film.rows, r * 2 * half + i
     re = r + 1 if r + 1 < rows else 0
     q, dq, a, e, b, f = work.q, work.dq, work.by_gas, work.by_gas2, work.by_gap, work.by_gap2
     cf, sf = film.cos_face[r], film.sin_face[r]
     h, vh = 1.0 - node * (x * cf + y * sf), -1.0 * node * (vx * cf + vy * sf)
     k0, k1 = around * (h * h * h), 3.0 * around * (h * h) * vh
-    jump, djump = following(q, r, i, rows, half) - vload(q, k), following(dq, r, i, rows, half) - vload(dq, k)
+    jump, djump = following(q, r, i, rows, film.row) - vload(q, k), following(dq, r, i, rows, film.row) - vload(dq, k)
     k2 = -3.0 * node * (around * h) * (2.0 * vh * jump + h * djump)
-    east = k1 * following(a, r, i, rows, half) + k0 * following(e, r, i, rows, half)
+    east = k1 * following(a, r, i, rows, film.row) + k0 * following(e, r, i, rows, film.row)
     here = k1 * vload(a, k) + k0 * vload(e, k)
     # by_gap of the row after the last, whose halves are exchanged, still goes with the cosine of row 0
-    gap_east = k1 * following(b, r, i, rows, half) + k0 * following(f, r, i, rows, half)
+    gap_east = k1 * following(b, r, i, rows, film.row) + k0 * following(f, r, i, rows, film.row)
     gap = k1 * vload(b, k) + k0 * vload(f, k)
     return (east, here, k2 * cf + gap_east * film.cos[re] - gap * film.cos[r],
             k2 * sf + gap_east * film.sin[re] - gap * film.sin[r])
 
 
-@inner
-def _prepare_curvature(system, u, v, work, half):
+@inlined
+def prepare_curvature(system, u, v, work):
+    """Form the derivative of the Jacobian along ``v`` at the point of linearisation ``u``, for :func:`add_curvature`.
+
+    It has the stencil of the Jacobian. With P = S/H and one direction v fixed, dQ[w] = a w + b dH and d²Q[v, w] = e w + f dH
+    at a node, where a = 2P/H, b = -aP, e = 2 (dvP - P dvH/H)/H, f = -Pe - a dvP; a flux k H³ DQ adds k [6 H dvH dwH DQ
+    + 3 H² (dvH D dwQ + dwH D dvQ) + H³ D d²Q]. The journal's displacement makes two columns of their own, and the force's
+    part is d²P[v, w] = -(dwH dvP + dvH dwP)/H.
+    """
     film, _ = system
+    half = span(film.row)
     rows, width = film.rows, 2 * half
     n, size = rows * width, half * width
     x, y, vx, vy = u[n], u[n + 1], v[n], v[n + 1]
@@ -326,23 +321,24 @@ def _prepare_curvature(system, u, v, work, half):
         for i in range(0, width, WIDTH):
             k, node = r * width + i, vload(film.flux_node, i)
             h, vh = 1.0 - node * g, -1.0 * node * vg
-            total = -3.0 * node * h * (2.0 * vh * vload(work.gq, k) + h * apply(film.gradient, 0, dq, r * width, i, half))
-            total = total + 3.0 * (h * h) * vh * apply(film.gradient, 0, b, r * width, i, half)
-            vstore(work.flux, k, total + h * h * h * apply(film.gradient, 0, f, r * width, i, half))
+            total = -3.0 * node * h * (2.0 * vh * vload(work.gq, k) + h * apply(film.gradient, 0, dq, r * width, i, film.row))
+            total = total + 3.0 * (h * h) * vh * apply(film.gradient, 0, b, r * width, i, film.row)
+            vstore(work.flux, k, total + h * h * h * apply(film.gradient, 0, f, r * width, i, film.row))
     work.small[20], work.small[21], work.small[22] = vsum(fxx), vsum(fxy), vsum(fyy)
     for i in range(0, width, WIDTH):
         node, around, feed = vload(film.node, i), vload(film.flux_around, i), vload(film.feed, i)
-        o = opposite(i, half)
-        west, back, west_x, west_y = _bent_face(film, work, vload(film.node, o), around, x, y, vx, vy, rows - 1, o, half)
-        west, back, west_x, west_y = turned(west, half), turned(back, half), turned(west_x, half), turned(west_y, half)
+        o = opposite(i, film.row)
+        west, back, west_x, west_y = _bent_face(film, work, vload(film.node, o), around, x, y, vx, vy, rows - 1, o)
+        west, back = turned(west, film.row), turned(back, film.row)
+        west_x, west_y = turned(west_x, film.row), turned(west_y, film.row)
         for r in range(rows):
             k = r * width + i
             c, s = film.cos[r], film.sin[r]
             g, vg = x * c + y * s, vx * c + vy * s
-            east, here, east_x, east_y = _bent_face(film, work, node, around, x, y, vx, vy, r, i, half)
+            east, here, east_x, east_y = _bent_face(film, work, node, around, x, y, vx, vy, r, i)
             vstore(work.east, k, east)
             vstore(work.west, k, back)
-            bend = apply(film.divergence, 0, work.flux, r * width, i, half) - feed * vload(f, k)
+            bend = apply(film.divergence, 0, work.flux, r * width, i, film.row) - feed * vload(f, k)
             vstore(work.bend_x, k, bend * c + (east_x - west_x))
             vstore(work.bend_y, k, bend * s + (east_y - west_y))
             diagonal = here + west + feed * vload(e, k)
@@ -351,30 +347,15 @@ def _prepare_curvature(system, u, v, work, half):
                 a0, a1 = vload(film.across, m), vload(film.across, size + m)
                 a2, a3 = vload(film.across, 2 * size + m), vload(film.across, 3 * size + m)
                 straight, slant = a0 + g * (a1 + g * (a2 + g * a3)), vg * (a1 + g * (2.0 * a2 + (3.0 * g) * a3))
-                block = slant * near(a, r * width, j, i, half) + straight * near(e, r * width, j, i, half)
+                block = slant * near(a, r * width, j, i, film.row) + straight * near(e, r * width, j, i, film.row)
                 vstore(work.own, r * size + m, block - diagonal * vload(film.unit, m))
             west, back, west_x, west_y = east, here, east_x, east_y
 
-
-@inner
-def prepare_curvature(system, u, v, work):
-    """Form the derivative of the Jacobian along ``v`` at the point of linearisation ``u``, for :func:`add_curvature`.
-
-    It has the stencil of the Jacobian. With P = S/H and one direction v fixed, dQ[w] = a w + b dH and d²Q[v, w] = e w + f dH
-    at a node, where a = 2P/H, b = -aP, e = 2 (dvP - P dvH/H)/H, f = -Pe - a dvP; a flux k H³ DQ adds k [6 H dvH dwH DQ
-    + 3 H² (dvH D dwQ + dwH D dvQ) + H³ D d²Q]. The journal's displacement makes two columns of their own, and the force's
-    part is d²P[v, w] = -(dwH dvP + dvH dwP)/H.
-    """
-    film, _ = system
-    if film.half == HALF:
-        _prepare_curvature(system, u, v, work, HALF)
-    else:
-        _prepare_curvature(system, u, v, work, film.half)
-
-
-@inner
-def _add_curvature(system, u, v, w, scale, work, out, half):
+@inlined
+def add_curvature(system, u, v, w, scale, work, out):
+    """out += scale * d²f(u)[v, w], the second derivative of the slope, after :func:`prepare_curvature` for ``v``."""
     film, rotor = system
+    half = span(film.row)
     rows, width = film.rows, 2 * half
     n, size = rows * width, half * width
     fx, fy = splat(0.0), splat(0.0)
@@ -382,10 +363,10 @@ def _add_curvature(system, u, v, w, scale, work, out, half):
     for r in range(rows):
         for i in range(0, width, WIDTH):
             k = r * width + i
-            total = apply(work.own, r * size, w, r * width, i, half)
+            total = apply(work.own, r * size, w, r * width, i, film.row)
             total = total + vload(work.bend_x, k) * wx + vload(work.bend_y, k) * wy
-            total = total + vload(work.east, k) * following(w, r, i, rows, half)
-            total = total + vload(work.west, k) * preceding(w, r, i, rows, half)
+            total = total + vload(work.east, k) * following(w, r, i, rows, film.row)
+            total = total + vload(work.west, k) * preceding(w, r, i, rows, film.row)
             vstore(out, k, vload(out, k) + scale * total)
             push = vload(work.push, k) * vload(w, k)
             fx, fy = fx - push * film.cos[r], fy - push * film.sin[r]
@@ -396,22 +377,11 @@ def _add_curvature(system, u, v, w, scale, work, out, half):
     out[n + 4] += scale * rotor.inverse_mass * (vsum(fx) - gx + c[6])
     out[n + 5] += scale * rotor.inverse_mass * (vsum(fy) - gy + c[7])
 
-
-@inner
-def add_curvature(system, u, v, w, scale, work, out):
-    """out += scale * d²f(u)[v, w], the second derivative of the slope, after :func:`prepare_curvature` for ``v``."""
-    film, _ = system
-    if film.half == HALF:
-        _add_curvature(system, u, v, w, scale, work, out, HALF)
-    else:
-        _add_curvature(system, u, v, w, scale, work, out, film.half)
-
-
 @kernel
 def error_norm(system, work, new, error):
     """Size of a step's error: the worst of journal and disc position (over C), velocity (over 1 + speed) and film (rms)."""
     film, _ = system
-    n = film.rows * 2 * film.half
+    n = film.rows * 2 * span(film.row)
     total, least = splat(0.0), splat(math.inf)
     for k in range(0, n, WIDTH):
         gas = vload(new, k)

@@ -13,14 +13,16 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 
 import filelock
 import joblib
 import numpy as np
+import psutil
 
 from spab_core._kernel_cache import solver_hash
-from spab_core.design import Design, InputError, reference_design, write_atomically
+from spab_core.design import Design, InputError, patiently, reference_design, write_atomically
 from spab_core.integrate import is_compiled
 from spab_core.npz import UNREADABLE, npz_bytes, open_npz
 from spab_core.point import OperatingPoint, solve_point
@@ -115,14 +117,17 @@ def locked(folder: Path | None) -> Iterator[None]:
 def remove_temporaries(folder: Path, name: str) -> None:
     """Delete what killed writers of files ``name`` (a pattern) left there. For who holds the lock that they write under."""
     for path in folder.glob(f".{name}.tmp"):
-        path.unlink(missing_ok=True)
+        patiently(partial(path.unlink, missing_ok=True))
 
 
 def end_with_parent(parent: int) -> None:
     """First thing in a worker process: see to it that it ends with the one that started it, which may be killed."""
     def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(1.0)
+        with contextlib.suppress(psutil.NoSuchProcess):
+            # by number and time of start: Windows tells a dead parent's number for ever, and gives it to others
+            process = psutil.Process(parent)
+            while process.is_running() and process.status() != psutil.STATUS_ZOMBIE:
+                time.sleep(1.0)
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
@@ -248,5 +253,5 @@ def read_part(path: Path, names: Iterable[str], per_point: Iterable[str], count:
 def remove_parts(parts: Path) -> None:
     """Delete the chunks of a finished run."""
     for chunk in sorted(parts.glob("chunk-*.npz")):  # before the plan that they belong to
-        chunk.unlink(missing_ok=True)
+        patiently(partial(chunk.unlink, missing_ok=True))
     shutil.rmtree(parts, ignore_errors=True)

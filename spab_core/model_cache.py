@@ -89,8 +89,9 @@ def keep(name: str, data: bytes, made_from: dict) -> Path:
         for path in files:
             room -= path.stat().st_size
             if room < 0 and path.name != name:
-                path.unlink(missing_ok=True)
-                path.with_name(f"{path.name}.json").unlink(missing_ok=True)
+                with contextlib.suppress(PermissionError):  # Windows: another process reads it now
+                    path.unlink(missing_ok=True)
+                    path.with_name(f"{path.name}.json").unlink(missing_ok=True)
     except OSError as error:
         raise CacheError(f"the model cannot be kept in {folder}: {error.strerror or error}") from None
     return folder / name

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 from pathlib import Path
 
-from spab_core.design import InputError
+from spab_core.design import InputError, patiently
 
 _FLAGS = os.O_RDONLY
 for _name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY"):  # no link, no waiting for a pipe; not every system has all
@@ -15,7 +16,9 @@ for _name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY"):  # no link, no waiting fo
 
 def wanted_folder(variable: str, base_variable: str, base: str, name: str, what: str,
                   error: type[InputError] = InputError) -> Path:
-    """$``variable``, else $``base_variable``/``name``, else ~/``base``/``name``; may not exist.
+    """$``variable``, else $``base_variable``/``name`` or, on Windows, %LOCALAPPDATA%/``name``, else ~/``base``/``name``.
+
+    It may not exist.
 
     Raises
     ------
@@ -24,9 +27,9 @@ def wanted_folder(variable: str, base_variable: str, base: str, name: str, what:
     """
     if os.environ.get(variable):
         return Path(os.environ[variable]).absolute()
-    given = os.environ.get(base_variable, "")
-    if Path(given).is_absolute():  # the XDG specification: a relative one is ignored
-        return Path(given) / name
+    for given in (os.environ.get(base_variable, ""), os.environ.get("LOCALAPPDATA", "")):
+        if Path(given).is_absolute():  # the XDG specification: a relative one is ignored
+            return Path(given) / name
     try:
         return Path.home() / base / name
     except RuntimeError:
@@ -58,13 +61,15 @@ def private_folder(path: Path, variable: str, what: str, error: type[InputError]
 
 def _private(found: os.stat_result) -> bool:
     if not hasattr(os, "getuid"):
-        return True  # Windows: a profile's folders are the user's by their access lists
+        return True  # Windows: a profile's folders are the user's by their access lists; those of others are not looked at
     return found.st_uid == os.getuid() and not found.st_mode & 0o077
 
 
 def own_bytes(path: Path, limit: int) -> bytes:
     """The bytes of a regular file of this user; a link is not followed. Raises ``OSError``."""
-    with os.fdopen(os.open(path, _FLAGS), "rb") as file:
+    if path.is_symlink():  # where there is no O_NOFOLLOW
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
+    with os.fdopen(patiently(lambda: os.open(path, _FLAGS)), "rb") as file:
         found = os.fstat(file.fileno())
         if not stat.S_ISREG(found.st_mode) or (hasattr(os, "getuid") and found.st_uid != os.getuid()):
             raise PermissionError(0, "it is no regular file of yours")

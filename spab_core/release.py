@@ -187,7 +187,8 @@ def rebuild(m: StabilityMap, folder: Path = ARTIFACTS, *, models: Sequence[Model
     arrays = {"bearing_number": m.bearing_number, "rotor_mass": m.rotor_mass}
     arrays |= {name: np.stack(layers) for name, layers in maps.items()}
     written = {
-        name: scores[[c for c in scores.columns if not c.endswith("_seconds")]].to_csv(index=False).encode()
+        name: scores[[c for c in scores.columns if not c.endswith("_seconds")]].to_csv(
+            index=False, lineterminator="\n").encode()
         for name, scores in tables.items()}
     written[PREDICTIONS] = npz_bytes(arrays | {"metadata": np.array(json.dumps(metadata, sort_keys=True))})
     sources = dict.fromkeys(written, source)

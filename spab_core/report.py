@@ -121,7 +121,7 @@ def report_pdf(page: str) -> bytes:
     browser = browser_path()
     if browser is None:
         raise InputError("a PDF is printed by Chromium or Chrome, and none is found on this machine: take the HTML instead")
-    with tempfile.TemporaryDirectory(prefix="spab-report-") as folder:
+    with tempfile.TemporaryDirectory(prefix="spab-report-", ignore_cleanup_errors=True) as folder:
         source, target = Path(folder) / "report.html", Path(folder) / "report.pdf"
         source.write_text(page, "utf-8")
         command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer",

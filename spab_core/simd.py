@@ -19,7 +19,9 @@ WIDTH, HALF = 8, 4
 # Kernels pass tuples of some fifty arrays to each other: counting references of each, atomically, would cost as much as the
 # arithmetic. They allocate nothing, so numba's runtime stays out; numpy's rules for division keep tests out of the loops.
 kernel = functools.partial(njit, cache=True, nogil=True, error_model="numpy", _nrt=False)
-inner = functools.partial(kernel, forceinline=True)
+inlined = functools.partial(kernel, forceinline=True)
+# unpacking those tuples for a call from Python takes the compiler longer than the kernel: for what only kernels call, left out
+inner = functools.partial(inlined, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 _VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
 
 
@@ -276,5 +278,7 @@ def aligned_zeros(n):
     return raw[start:start + n]
 
 
-__all__ = ["HALF", "WIDTH", "aligned_zeros", "block_times", "both_halves", "f64x8", "halves_times", "inner", "invert_blocks",
-           "invert_halves", "kernel", "splat", "spread", "swapped_halves", "vload", "vmin", "vstore", "vsum"]
+__all__ = [
+    "HALF", "WIDTH", "aligned_zeros", "block_times", "both_halves", "f64x8", "halves_times", "inlined",
+    "inner", "invert_blocks", "invert_halves", "kernel", "splat", "spread", "swapped_halves", "vload", "vmin", "vstore", "vsum",
+]

@@ -239,7 +239,7 @@ def _run(design: Design, rotor_mass: float, bearing_number: float, settings: Set
         at_first = memory.state.copy(), memory.tangent.copy(), memory.control[1]
         while True:
             record = build_record(count, samples if keep else 0, film_size(film) + ROTOR_STATES if tangent else 0)
-            options = Options(METHODS.index(settings.method), tolerance, tangent=tangent, **(limits | more))
+            options = Options(tolerance, tangent=tangent, **(limits | more))
             status, completed = advance(system, memory, options, before + done, count, record)
             busy = implicit and memory.control[1] - at_first[2] > BUSY * share * count
             if careful or more or status == TOO_MANY_STEPS or not (status != OK or busy or record.peak.max() > THIN):
@@ -351,7 +351,7 @@ def _swift_rate(system, memory, rigid, tolerance, first) -> tuple[float, float, 
     film, rotor = system
     places, state = unknown_places(film, rigid), memory.state.copy()
     found: list[complex] = []
-    options = Options(0, tolerance, period=REVOLUTION / PHASES)
+    options = Options(tolerance, period=REVOLUTION / PHASES)
     for k in range(PHASES):
         mode = swift_mode(slope_and_jacobian(film, rotor, memory.state, places)[1][places])
         status, _ = advance(system, memory, options, PHASES * first + k, 1, build_record(1, 0))

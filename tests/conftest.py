@@ -4,12 +4,16 @@ import os
 import shutil
 from pathlib import Path
 
+# the workers of pytest share the cores: threads of BLAS and OpenMP, two of each in every worker, would wait for one another, so
+# that a quarter of a second's training took twenty; before numpy reads it
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 import numpy as np
 import pytest
 
 from spab_core.design import reference_design
 from spab_core.film import Mesh, build_film, film_index, film_size
-from spab_core.integrate import METHODS, Options, advance, build_memory, build_record
+from spab_core.integrate import Options, advance, build_memory, build_record
 from spab_core.map_engine import compile_once
 from spab_core.rotor import build_rotor
 
@@ -20,6 +24,14 @@ def pytest_configure(config):
     """Compile the kernels once, before the worker processes of the session start."""
     if not hasattr(config, "workerinput") and config.getoption("numprocesses", 0):
         compile_once()
+
+
+LONG = ("browser/", "test_controls", "test_faults", "test_wheel", "test_jobs", "test_job_kinds", "test_cli_models")
+
+
+def pytest_collection_modifyitems(items):
+    """Long files first: workers take files in this order, and none is left alone with one at the end."""
+    items.sort(key=lambda item: next((k for k, name in enumerate(LONG) if name in item.nodeid), len(LONG)))
 
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -67,7 +79,7 @@ class Run:
         if restart:
             self.memory.control[:] = 0.0
         record = build_record(revolutions, samples)
-        chosen = Options(METHODS.index(self.method), tolerance, **options)
+        chosen = Options(tolerance, **options)
         status, done = advance(self.system, self.memory, chosen, self.done, revolutions, record)
         self.done += done
         return status, record

@@ -6,7 +6,7 @@ import math
 
 import streamlit as st
 
-from spab_core.design import Design, InputError, design_toml, reference_design
+from spab_core.design import Design, InputError, design_toml, read_design_bytes, reference_design
 from spab_core.form import (
     FIELDS,
     GRADE_RANGE,
@@ -16,7 +16,6 @@ from spab_core.form import (
     eccentricity_of_grade,
     from_form,
     grade_of_eccentricity,
-    read_design_bytes,
     to_form,
 )
 from spab_core.presets import PRESETS

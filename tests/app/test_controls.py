@@ -12,7 +12,8 @@ PAGES = {"Stability_map": ROOT / "app.py"} | {
     path.stem.partition("_")[2]: path for path in sorted((ROOT / "pages").glob("*.py"))}
 STATES = [(name, {}) for name in PAGES] + [
     ("What_if", {"what_tab": "Run-up"}), ("What_if", {"what_tab": "Two designs"}), ("Bifurcation", {"line": "rotor-mass"}),
-    ("Surrogate_map", {"sure": True}), ("Operating_point", {"bearing.clearance": "3e-05", "compare": "True"})]
+    ("Surrogate_map", {"sure": True}),
+    ("Operating_point", {"bearing.clearance": "3e-05", "compare": "True", "mesh": "2x16", "transient": 20, "revolutions": 20})]
 RAW = {"line": LINES, "same": SAME, "divisor": DIVISORS, "cells": CELLS, "metric": METRICS, "judged": JUDGED}  # shown otherwise
 LONG = "9" * 10_000
 pytestmark = pytest.mark.usefixtures("own_jobs")

@@ -50,7 +50,9 @@ def test_flow_of_the_concentric_bearing():
 def test_numbers_agree_with_their_own_commands(design):
     found = derive(design, 4.52, 3.0, MESH)
     rest = static_equilibrium(design, 4.52, 3.0, MESH)
-    assert found.status == "ok" and found.eccentricity == rest.eccentricity and found.attitude_angle == rest.attitude_angle
+    # derive keeps BLAS on one thread, the other has all: the same solve, rounded in another order
+    assert found.status == "ok" and found.eccentricity == pytest.approx(rest.eccentricity, rel=1e-12)
+    assert found.attitude_angle == pytest.approx(rest.attitude_angle, rel=1e-12)
     assert found.least_film == pytest.approx(35e-6 * (1.0 - rest.eccentricity))
     leading = linear_spectrum(design, 4.52, 3.0, MESH)[0][0]
     assert found.whirl.growth == pytest.approx(2.0 * math.pi * leading.real) and not found.whirl.stable

@@ -1,6 +1,7 @@
 """The table in ROSS (github.com/petrobras/ross) itself: it loads, a rotor on it is built, its limit of stability is ours.
 
-ROSS 3 needs Python 3.13 and has pins of its own: it is looked for in this Python, or in the one named by SPAB_ROSS_PYTHON.
+ROSS 3 needs Python 3.13 and has pins of its own: it is looked for in this Python, or in the one named by SPAB_ROSS_PYTHON;
+with SPAB_REQUIRE_ROSS, as in CI, its absence is a failure.
 """
 
 import importlib.util
@@ -52,7 +53,8 @@ print("RESULT", json.dumps({"version": rs.__version__, "nearest": found, "wd": m
 def python_with_ross():
     named = os.environ.get("SPAB_ROSS_PYTHON")
     if named is None and importlib.util.find_spec("ross") is None:
-        pytest.skip("no ross-rotordynamics 3 here (it needs Python 3.13), and SPAB_ROSS_PYTHON names no other Python")
+        missing = "no ross-rotordynamics 3 here (it needs Python 3.13), and SPAB_ROSS_PYTHON names no other Python"
+        (pytest.fail if os.environ.get("SPAB_REQUIRE_ROSS") else pytest.skip)(missing)
     return named or sys.executable
 
 

@@ -21,8 +21,15 @@ from joblib.externals.loky import cpu_count
 from spab_core import jobs
 from spab_core.artifacts import load_reference_map
 from spab_core.cli import _build_parser, main
-from spab_core.design import InputError, design_toml, reference_design
-from spab_core.form import MAX_DESIGN_BYTES, read_design_bytes
+from spab_core.design import (
+    MAX_DESIGN_BYTES,
+    InputError,
+    design_toml,
+    load_design,
+    parse_design,
+    read_design_bytes,
+    reference_design,
+)
 from spab_core.npz import MAX_BYTES, UNREADABLE, npz_bytes, open_npz
 from spab_core.stability_map import FIELDS, StabilityMap, load_map, save_map
 from tests.conftest import ROOT
@@ -273,11 +280,19 @@ def test_a_csv_of_very_many_rows_is_a_sentence():
         read_samples(b"x" * (MAX_BYTES + 1))
 
 
-def test_a_design_file_that_costs_by_its_square_is_refused():
+def test_a_design_file_that_costs_by_its_square_is_refused(tmp_path, capsys):
+    """8 GB in tomllib, by whatever way it comes in: library, command, upload; and only design.py has a reader of its own."""
     text = design_toml(reference_design()).encode()
     assert read_design_bytes(text) == reference_design() and len(text) * 5 < MAX_DESIGN_BYTES
-    with pytest.raises(InputError, match="allowed are at most 20,000"):
-        read_design_bytes(b"a." * 45_000 + b"a = 1")  # 8 GB in tomllib
+    path, costly = tmp_path / "long.toml", "a." * 45_000 + "a = 1"
+    path.write_text(costly)
+    for read, content in ((parse_design, costly), (read_design_bytes, costly.encode()), (load_design, path)):
+        with pytest.raises(InputError, match="more than 20,000 bytes"):
+            read(content)
+    assert main(["simulate", "--design", str(path), "--rotor-mass", "4", "--bearing-number", "3"]) == 2
+    assert "more than 20,000 bytes" in capsys.readouterr().err
+    sources = [*ROOT.glob("*.py"), *ROOT.glob("pages/*.py"), *ROOT.glob("spab_core/**/*.py")]
+    assert [p.name for p in sources if "tomllib" in p.read_text("utf-8")] == ["design.py"]
 
 
 def test_an_infinite_stiffness_is_listed_as_json(capsys):

@@ -20,9 +20,8 @@ from spab_core import jobs, model_cache
 from spab_core.artifacts import ArtifactError, checked_bytes, load_reference_map, write_manifest
 from spab_core.bifurcation import load_bifurcation
 from spab_core.cli import main
-from spab_core.design import InputError
+from spab_core.design import InputError, read_design_bytes
 from spab_core.foreign import load_samples, read_samples
-from spab_core.form import read_design_bytes
 from spab_core.map_engine import read_part
 from spab_core.npz import UNREADABLE, open_npz
 from spab_core.point_file import load_point
