@@ -209,13 +209,13 @@ def _run_map(folder: Path, parameters: dict, advance: Advance, set_total: SetTot
 
 def _check_intervals(parameters: dict) -> dict:
     from spab_core.artifacts import REFERENCE_MAP, read_manifest
-    from spab_core.pretrained import recipe_hash
+    from spab_core.pretrained import INTERVALS_RECIPE, recipe_hash
     from spab_core.surrogates import DIVISORS, model
 
     name, divisor, seed, made_from = _taken(parameters, model=..., divisor=..., seed=0, made_from=None)
     if divisor not in DIVISORS:
         raise InputError(f"divisor = {str(divisor)[:20]} is not allowed: choose {', '.join(map(str, DIVISORS))}")
-    now = {"map": read_manifest().get(REFERENCE_MAP, {}).get("sha256"), "recipe": recipe_hash()}
+    now = {"map": read_manifest().get(REFERENCE_MAP, {}).get("sha256"), "recipe": recipe_hash(INTERVALS_RECIPE)}
     if made_from not in (None, now):
         raise InputError("the shipped map or the models' code is another since; start it again")
     return {"model": model(str(name)).name, "divisor": divisor, "seed": int(check_number("seed", seed, 0, 999)),
