@@ -24,8 +24,7 @@ from spab_core import _kernel_cache, export, jobs, model_cache, private_folder, 
 from spab_core.artifacts import ARTIFACTS, SCORES, check_writable
 from spab_core.bifurcation import load_bifurcation
 from spab_core.cli_dashboard import check_free
-from spab_core.design import InputError, design_toml, write_atomically
-from spab_core.form import read_design_bytes, read_design_file
+from spab_core.design import InputError, design_toml, load_design, read_design_bytes, write_atomically
 from spab_core.map_engine import compile_once, remove_temporaries
 from spab_core.npz import npz_bytes, open_npz
 from spab_core.stability_map import load_map
@@ -300,7 +299,7 @@ def test_a_terminal_of_another_alphabet_gets_words_and_no_traceback(arguments, e
     told = (done.stdout + done.stderr).decode(encoding)
     assert told and "Traceback" not in told and done.returncode == (2 if "Λ" in arguments else 0), told
     if "spab60" in arguments:
-        assert read_design_file(str(tmp_path / "µΩ.toml"))
+        assert load_design(str(tmp_path / "µΩ.toml"))
 
 
 def test_a_design_file_of_a_windows_editor_is_read(design):
