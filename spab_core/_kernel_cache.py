@@ -71,4 +71,23 @@ def choose() -> None:
             _drop_damaged(base / name)
             numba.config.CACHE_DIR = str(base / name)
             return
-    numba.config.CACHE_DIR = tempfile.mkdtemp(prefix=_PREFIX)
+    folder = Path(tempfile.mkdtemp(prefix=_PREFIX)) / name
+    folder.mkdir()
+    numba.config.CACHE_DIR = str(folder)
+
+
+def is_kept(dispatcher) -> bool:
+    """Whether a kernel need not be compiled: it is loaded, or numba's cache has it for this processor.
+
+    Parameters
+    ----------
+    dispatcher
+        Made by ``numba.njit(cache=True)``.
+    """
+    if dispatcher.signatures:
+        return True
+    try:
+        processor = dispatcher.targetctx.codegen().magic_tuple()
+        return any(processor in key for key in dispatcher._cache._cache_file._load_index())
+    except Exception:  # numba's private interface may change: then compiling is just not announced
+        return True

@@ -8,8 +8,8 @@ from pathlib import Path
 from tqdm import tqdm
 
 from spab_core.cli_jobs import kept_when_stopped
+from spab_core.compiling import is_compiled
 from spab_core.design import Design, check_number, check_output
-from spab_core.integrate import is_compiled
 from spab_core.map_engine import remove_parts
 from spab_core.quick_map import SECONDS, SETTINGS, as_map, check_cluster, check_quick_map, quick_map, usual_plane
 from spab_core.refine import save_refinement

@@ -9,6 +9,7 @@ training cells around a point differ. Cells drawn at random from the same plane 
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,7 +28,7 @@ from spab_core.features import LinearFeatures, LinearTable, shipped_table
 from spab_core.npz import UNREADABLE, npz_bytes, open_npz
 from spab_core.regimes import REGIMES
 from spab_core.stability_map import StabilityMap
-from spab_core.surrogates import Model, Surrogate, linear_table_of, solved_cells, train
+from spab_core.surrogates import Model, PredictedMap, Surrogate, linear_table_of, solved_cells, train
 from spab_core.theory_models import baseline
 
 CONFIDENCE = 0.9
@@ -258,3 +259,41 @@ def reliability(unstable: np.ndarray, probability: np.ndarray, bins: int = 10) -
     found = pd.DataFrame(rows, columns=["low", "high", "cells", "predicted", "observed"])
     error = float((found["cells"] * (found["predicted"] - found["observed"]).abs()).sum() / max(found["cells"].sum(), 1))
     return found, error
+
+
+NEAREST = 300  # held-out cells
+
+
+def nearby_interval(m: StabilityMap, predicted: PredictedMap, cell: tuple[int, int],
+                    confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Interval of the exponent of one cell by how wrong the model is on held-out cells around it; nothing is trained.
+
+    Parameters
+    ----------
+    m : StabilityMap
+    predicted : PredictedMap
+        Of the same map.
+    cell : tuple of int
+        Indices (bearing number, rotor mass); the cell itself does not count among those around it.
+    confidence : float
+
+    Returns
+    -------
+    (float, float)
+        Lower and upper bound per revolution, of one distance from the prediction; nan where the map has no exponent.
+
+    Notes
+    -----
+    Split conformal prediction: of n errors the ceil((n + 1) confidence)-th smallest, with the :data:`NEAREST` held-out cells
+    by distance along both axes counted in cells.
+    """
+    others = predicted.held_out.copy()
+    others[cell] = False
+    row, column = np.nonzero(others)
+    nearest = np.argsort(np.hypot(row - cell[0], column - cell[1]), kind="stable")[:NEAREST]
+    row, column = row[nearest], column[nearest]
+    wrong = np.sort(np.abs(m.mle[row, column] - predicted.mle[row, column]))
+    rank = math.ceil((len(wrong) + 1) * confidence)
+    reach = float(wrong[rank - 1]) if rank <= len(wrong) else math.inf
+    value = float(predicted.mle[cell])
+    return value - reach, value + reach

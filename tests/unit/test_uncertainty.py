@@ -7,14 +7,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from spab_core.artifacts import load_reference_map
 from spab_core.classifier import predict_regimes, regimes_by_threshold
 from spab_core.design import InputError
 from spab_core.evaluation import comparison_words, evaluate, f1, uncertainty_scores
 from spab_core.features import LinearFeatures, shipped_table
 from spab_core.lyapunov import Exponent
+from spab_core.pretrained import load_shipped_map
 from spab_core.surrogates import model, predict_map, solved_cells
 from spab_core.theory_models import baseline
-from spab_core.uncertainty import STEPS, TooFewCells, load_intervals, reliability, save_intervals, uncertain_map
+from spab_core.uncertainty import (
+    NEAREST,
+    STEPS,
+    TooFewCells,
+    load_intervals,
+    nearby_interval,
+    reliability,
+    save_intervals,
+    uncertain_map,
+)
 from tests.unit.test_surrogates import map_of, with_hole
 
 
@@ -164,3 +175,26 @@ def test_a_prediction_beside_the_solved_value_in_words():
     assert comparison_words(-0.48, solved, None, False)[0] is None
     for predicted, exponent in ((np.nan, solved), (-0.48, None)):
         assert comparison_words(predicted, exponent, (-1.0, 0.0), False)[1].startswith("There is nothing to compare")
+
+
+def test_intervals_by_errors_nearby_cover_nine_held_out_cells_in_ten():
+    """Of the shipped map, each without its own error."""
+    m = load_reference_map()
+    predicted = load_shipped_map(m, model("theory-trees"), 8)
+    cells = np.argwhere(predicted.held_out)[np.random.default_rng(0).permutation(int(predicted.held_out.sum()))[:2000]]
+    found = np.array([nearby_interval(m, predicted, tuple(cell)) for cell in cells])
+    truth, told = m.mle[tuple(cells.T)], predicted.mle[tuple(cells.T)]
+    assert np.mean((found[:, 0] <= truth) & (truth <= found[:, 1])) == pytest.approx(0.9, abs=0.03)
+    assert found.mean(axis=1) == pytest.approx(told)
+    widths = found[:, 1] - found[:, 0]
+    assert np.median(widths[m.regime[tuple(cells.T)] == "chaotic"]) > 3.0 * np.median(widths)  # wide where errors are large
+
+
+def test_intervals_by_errors_nearby_take_the_right_error():
+    """Errors 1, 2, ... by distance along a row: of the nearest 300, the ceil(301 x 0.9) = 271st smallest."""
+    m = map_of(lambda number, mass: 0.0 * number * mass, 1000, 1)
+    predicted = dataclasses.replace(predict_map(m, model("nearest"), 8), trained=np.zeros(m.shape, bool))
+    predicted = dataclasses.replace(predicted, mle=m.mle + np.arange(1000.0)[:, None])
+    assert nearby_interval(m, predicted, (0, 0)) == (-271.0, 271.0)
+    few = dataclasses.replace(predicted, trained=np.arange(1000)[:, None] > 8)
+    assert NEAREST == 300 and nearby_interval(m, few, (0, 0)) == (-np.inf, np.inf)  # eight errors bound no ninth in ten
