@@ -6,7 +6,7 @@ OLDEST := $(addprefix tests/unit/test_,design.py form.py export.py threads.py ke
 .PHONY: run test oldest test-oldest licences lint lock map train verify bifurcations audit linear-table refined manifest pictures results clean
 
 run: .venv/.ready
-	$(BIN)/streamlit run app.py
+	$(BIN)/spab dashboard
 
 test: .venv/.ready
 	$(BIN)/python -m pytest

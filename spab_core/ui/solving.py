@@ -72,7 +72,8 @@ def _watch(linear: bool) -> None:
     gone = compiling.seconds_so_far()
     if gone is None or not _compiling(linear):
         st.rerun()
-    usual = "" if linear else f", some {compiling.SECONDS} s in all"
+    late = gone > compiling.SECONDS
+    usual = "" if linear else f", more than the usual {compiling.SECONDS} s" if late else f", some {compiling.SECONDS} s in all"
     st.progress(min(gone / compiling.SECONDS, 1.0), f"Compiling the solver: {gone:.0f} s so far{usual}, once on this machine")
 
 
@@ -80,7 +81,7 @@ def known_words(design: Design, rotor_mass: float, bearing_number: float) -> str
     """What shipped results say of an operating point that is not solved, in Markdown."""
     head = "**Not solved yet.** "
     if design != reference_design():
-        return head + "Nothing is known of your own design before: the shipped map and its models are of the reference bearing."
+        return head + "Nothing is known of this design before: the shipped map and its models are of the reference bearing."
     try:
         m = reference_map()
     except InputError as error:
