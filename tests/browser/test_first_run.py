@@ -19,9 +19,10 @@ def test_what_is_known_gives_way_to_the_solve(chromium, tmp_path):
     with patch.dict(os.environ, NUMBA_CACHE_DIR=str(tmp_path)), tools.dashboard() as address, tools.browser_page() as page:
         page.goto(f"{address}/?bearing_number=4.5&rotor_mass=18")
         page.get_by_text(m.cell_text(*cell)).wait_for(timeout=60_000)
+        page.get_by_text(f"some {compiling.SECONDS} s in all").wait_for()
         told = page.inner_text("body")
         assert "From the shipped map" in told and "Predicted" in told and "90% interval" in told
-        assert f"some {compiling.SECONDS} s in all" in told and "Solved live" not in told
+        assert "Solved live" not in told
         assert not list(tmp_path.glob("*/*/integrate.advance*.nbi"))
         OUTPUT.mkdir(exist_ok=True)
         page.screenshot(path=OUTPUT / "first_run_known.png")
