@@ -29,7 +29,7 @@ def test_what_is_known_gives_way_to_the_solve(chromium, tmp_path):
         old = page.get_by_text("s so far").inner_text()  # counts on by itself
         page.wait_for_function("old => !document.body.innerText.includes(old)", arg=old, timeout=60_000)
         page.get_by_role("link", name="Model ranking").click()  # another page answers meanwhile
-        page.get_by_role("heading", name="Model ranking").wait_for(timeout=60_000)
+        page.get_by_text("Which model predicts the map best?").wait_for(timeout=60_000)
         page.get_by_role("link", name="Stability map").first.click()
         page.get_by_text("Not solved yet").wait_for(timeout=60_000)
         page.get_by_text("Solved live").wait_for(timeout=600_000)
