@@ -24,7 +24,7 @@ OLDEST := $(addprefix tests/unit/test_,design.py form.py export.py threads.py ke
   linear-table refined manifest pictures results clean another-python
 
 run: $(VENV)/.ready
-	$(BIN)/streamlit run app.py
+	$(BIN)/spab dashboard
 
 test: $(VENV)/.ready
 	$(BIN)/python -m pytest

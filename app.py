@@ -14,10 +14,8 @@ from spab_core.ui.clicks import clickable, mark_place
 from spab_core.ui.downloads import downloads
 from spab_core.ui.shared import (
     HOME,
-    LIVE,
     errors_in_words,
     linear_words,
-    live_point,
     map_margin,
     map_still,
     marked_map_figure,
@@ -25,6 +23,7 @@ from spab_core.ui.shared import (
     page_link,
     reference_map,
 )
+from spab_core.ui.solving import LIVE, live_point
 from spab_core.ui.still import listen_still, plotly_wanted, show_still
 from spab_core.ui.view import (
     chosen_design,
@@ -40,6 +39,9 @@ from spab_core.ui.view import (
 ORBIT_HEIGHT = 250  # pixels
 
 page_head(HOME)
+# what comes last, the orbit, stands where it will stay: two lines of verdict, three numbers
+st.html(f"<style>.st-key-verdict{{min-height:5rem}} .st-key-point_row{{min-height:{ORBIT_HEIGHT}px}} "
+        "@media(max-width:640px){.st-key-point_numbers{min-height:13.25rem}}</style>")
 
 with errors_in_words():
     m = reference_map()
@@ -83,7 +85,7 @@ with left:
 
 
 def _point():
-    """Words and numbers of the operating point; returns the figure of its orbits and where it goes."""
+    """Words and numbers of the operating point; returns where the figure of its orbits goes, and it."""
     st.markdown(f"#### Operating point, {design_words()}")
     a, b, c = st.columns(3)
     a.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, None, key="rotor_mass", step=0.1, format="%.3f",
@@ -93,22 +95,27 @@ def _point():
     c.number_input("Shaft speed, rpm", slowest, fastest, None, key="rpm", step=100.0, format="%.0f", on_change=_typed_speed,
                    help="The same as Λ, of the chosen design")
     mass, number = state["rotor_mass"], state["bearing_number"]
-    verdict = st.container()
+    verdict, row, words = st.container(key="verdict"), st.empty(), st.container()
+    numbers, place = row.container(key="point_row").columns([1, 1.7], gap="small", vertical_alignment="center")
+    numbers = numbers.container(key="point_numbers")
     if is_reference():
-        with errors_in_words():
+        with words, errors_in_words():
             st.markdown(map_margin(mass, number))
     else:
-        st.info("The map is of the reference bearing; the point is solved with your own design, whose margin no map tells yet.")
-        with st.container(horizontal=True):
+        words.info("The map is of the reference bearing; the point is solved with your own design, whose margin no map tells "
+                   "yet.")
+        with words.container(horizontal=True):
             st.button("Use the reference bearing", on_click=set_design, args=(reference_design(),), key="use_reference")
             page_link("My_bearing", "My bearing")
             page_link("My_map", "My map: the map of your own design")
     with verdict, errors_in_words():
         point = live_point(design, mass, number)
-    box = {"periodic": verdict.success, "quasi-periodic": verdict.warning}.get(point.regime.name if point.regime else "",
-                                                                               verdict.error)
-    box(point.verdict())
-    numbers, place = st.columns([1, 1.7], gap="small", vertical_alignment="center")
+    if point is None:
+        row.empty()
+        return None
+    verdict_box = {"periodic": verdict.success, "quasi-periodic": verdict.warning}.get(
+        point.regime.name if point.regime else "", verdict.error)
+    verdict_box(point.verdict())
     if point.mle:
         error = point.mle.standard_error
         numbers.metric("MLE per revolution", f"{point.mle.value:+.3f} ± {f'{error:.3f}' if error >= 0.0005 else '<0.001'}",
@@ -140,12 +147,14 @@ def _point():
 # words first: while Plotly draws the browser shows nothing new
 try:
     with right:
-        orbit_place, orbits = _point()
+        answer = _point()
 finally:  # also where the point cannot be solved
     if plotly_wanted():
         with map_place:
             clickable(marked_map_figure(place, *shown), "map", _clicked, config={"displaylogo": False, "scrollZoom": True})
-with orbit_place.container(key="orbit_box", gap=None):
-    show_still(None if charted else orbit_still(orbits), "orbit_box", ORBIT_HEIGHT)
-    if plotly_wanted():
-        st.plotly_chart(orbits, key="orbit", width="stretch")
+if answer:
+    orbit_place, orbits = answer
+    with orbit_place.container(key="orbit_box", gap=None):
+        show_still(None if charted else orbit_still(orbits), "orbit_box", ORBIT_HEIGHT)
+        if plotly_wanted():
+            st.plotly_chart(orbits, key="orbit", width="stretch")

@@ -61,9 +61,11 @@ def browser_page(width=1440, height=900):
 
 
 def settled(page, seconds=180):
-    """Wait until the script has run, nothing is awaited any more and every figure is drawn; a background job may still work."""
+    """Wait until the script has run, nothing is awaited any more, the compiler neither, and every figure is drawn; a background
+    job may still work."""
     page.wait_for_selector("[data-testid='stApp'][data-test-script-state='notRunning']", timeout=1000 * seconds)
     page.wait_for_function("""() => !document.querySelector("[data-testid='stSpinner'], [data-testid='stSkeleton']")
+        && !document.body.innerText.includes('Compiling the solver')
         && document.querySelector("[data-testid='stMain'] h4, [data-testid='stMain'] [data-testid='stHeading']")
         && ![...document.querySelectorAll('.spab-still')].some(picture => picture.checkVisibility())
         && [...document.querySelectorAll('.stPlotlyChart')].every(c => !c.checkVisibility() || c.querySelector('.main-svg'))""",

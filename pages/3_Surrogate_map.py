@@ -16,13 +16,13 @@ from spab_core.ui.jobs import job_panel
 from spab_core.ui.shared import (
     errors_in_words,
     intervals_of_job,
-    live_point,
     marked_surrogate_figure,
     page_head,
     predicted_map,
     reference_map,
     time_text,
 )
+from spab_core.ui.solving import live_point
 from spab_core.ui.view import set_point
 from spab_core.uncertainty import reliability
 
@@ -107,8 +107,9 @@ if beside or state["sure"]:
     with errors_in_words():
         sure = intervals_of_job(job) if job else None
 if beside:
-    with errors_in_words():
+    with told.container(), errors_in_words():
         point = live_point(m.design, mass, number)
+if beside and point is not None:
     interval = (float(sure.low[cell]), float(sure.high[cell])) if sure else None
     inside, words = comparison_words(float(predicted.mle[cell]), point.mle, interval, bool(predicted.trained[cell]))
     {True: told.success, False: told.warning, None: told.info}[inside](words)

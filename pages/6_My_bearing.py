@@ -9,6 +9,7 @@ from spab_core.figures_bearing import coefficient_figure
 from spab_core.ui.bearing import coefficient_downloads, derived_now, over_speed, over_whirl
 from spab_core.ui.design_form import design_form
 from spab_core.ui.shared import errors_in_words, page_head
+from spab_core.ui.solving import waits_for_compiler
 from spab_core.ui.view import AGAINST, chosen_design, design_option, point_options
 
 page_head("my bearing")
@@ -63,6 +64,8 @@ with left:
     design_form()
 design, mass, number = chosen_design(), st.session_state["rotor_mass"], st.session_state["bearing_number"]
 with right:
+    if waits_for_compiler(design, mass, number, linear=True):
+        st.stop()
     with errors_in_words():
         found = derived_now(design, mass, number)
     verdict(found)

@@ -92,11 +92,12 @@ if found:
                       own_map.map_command(design_option(), number, mass, minutes))
             with st.popover("Report", icon=":material/description:"), errors_in_words():
                 page = report_page(design, found, at, state["rotor_mass"], state["bearing_number"], number, mass, minutes)
-                st.download_button("Report, HTML", lambda: report_html(*page()).encode(), "report.html", "text/html",
-                                   key="report_html", on_click="ignore", width="stretch")
-                st.download_button("Report, PDF", lambda: report_pdf(report_html(*page())), "report.pdf", "application/pdf",
-                                   key="report_pdf", on_click="ignore", width="stretch", disabled=browser_path() is None,
-                                   help="Printed by Chromium or Chrome on the server")
+                if page:
+                    st.download_button("Report, HTML", lambda: report_html(*page()).encode(), "report.html", "text/html",
+                                       key="report_html", on_click="ignore", width="stretch")
+                    st.download_button("Report, PDF", lambda: report_pdf(report_html(*page())), "report.pdf",
+                                       "application/pdf", key="report_pdf", on_click="ignore", width="stretch",
+                                       disabled=browser_path() is None, help="Printed by Chromium or Chrome on the server")
 
 saved = [j for j in own_map.finished_maps() if job is None or j.id != job.id]
 if found and saved:

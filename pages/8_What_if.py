@@ -12,7 +12,8 @@ from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.ui.downloads import downloads
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.lines import line_command, line_of_job
-from spab_core.ui.shared import digits, errors_in_words, live_point, page_head
+from spab_core.ui.shared import digits, errors_in_words, page_head
+from spab_core.ui.solving import live_point
 from spab_core.ui.view import SCANS, SPEEDS, WHAT_TABS, chosen_design, design_option, design_words, show_usual
 from spab_core.what_if import AXES, STEPS, load_sensitivity, regime_intervals
 
@@ -101,12 +102,15 @@ def two_designs() -> None:
             with box:
                 st.markdown(f"**{title}** at {rpm:,.0f} rpm, Λ {at:.3f}, {mass:g} kg")
                 point = live_point(one, mass, at)
+                if point is None:
+                    continue
                 (st.success if point.regime and point.regime.name == "periodic" else st.error)(point.verdict())
                 st.plotly_chart(orbit_figure(point), key=f"two_{len(records)}", width="stretch")
                 numbers = {name: value for name, value in derive(one, mass, at).record().items() if isinstance(value, float)}
                 records[title] = {"MLE per revolution": point.mle.value if point.mle else None,
                                   "largest eccentricity": point.max_eccentricity, **numbers}
-        st.dataframe(pd.DataFrame(records).map(lambda value: f"{value:.5g}" if value == value else ""))
+        if records:
+            st.dataframe(pd.DataFrame(records).map(lambda value: f"{value:.5g}" if value == value else ""))
 
 
 for tab, content in ((drawing, change_the_drawing), (run_up, run_the_machine_up), (two, two_designs)):

@@ -25,6 +25,7 @@ form            The design in the units of a drawing; balance grades; the bearin
 derived         What a design means at an operating point: equilibrium, gas flow, stiffness, damping, whirl
 npz             NPZ files: written the same to the byte, read with care
 stability_map   A plane of operating points -> StabilityMap; save, load, check
+compiling       Has the kernels compiled before they are wanted, by one process at a time
 map_engine      Computes maps: chunks, resume, processes or a Dask cluster
 bifurcation     A line of operating points, swept cold, up and down -> Bifurcation
 features        What linear theory knows of a point of the plane -> LinearTable, tabulated and interpolated

@@ -81,4 +81,26 @@ def choose() -> None:
             _drop_damaged(base / name)
             numba.config.CACHE_DIR = str(base / name)
             return
-    numba.config.CACHE_DIR = tempfile.mkdtemp(prefix=_PREFIX)
+    folder = Path(tempfile.mkdtemp(prefix=_PREFIX)) / name
+    folder.mkdir()
+    numba.config.CACHE_DIR = str(folder)
+
+
+def is_kept(dispatcher, *arguments) -> bool:
+    """Whether a kernel need not be compiled for such arguments: it is loaded, or numba's cache has it for this processor.
+
+    Parameters
+    ----------
+    dispatcher
+        Made by ``numba.njit(cache=True)``.
+    *arguments
+        What it would be called with; their types count.
+    """
+    signature = tuple(numba.typeof(argument) for argument in arguments)
+    if signature in dispatcher.overloads:
+        return True
+    try:
+        cache = dispatcher._cache
+        return cache._index_key(signature, dispatcher.targetctx.codegen()) in cache._cache_file._load_index()
+    except Exception:  # numba's private interface may change: then compiling is just not announced
+        return True

@@ -17,9 +17,10 @@ from spab_core._version import __version__
 from spab_core.artifacts import check_writable
 from spab_core.bifurcation import SWEEPS, VARY, chaotic_intervals, check_line, compute_bifurcation, save_bifurcation
 from spab_core.cli_jobs import kept_when_stopped
+from spab_core.compiling import compile_once, is_compiled
 from spab_core.design import InputError, check_number, check_output, load_design, reference_design, write_atomically
 from spab_core.film import DEFAULT_MESH, SCHEMES, parse_mesh
-from spab_core.integrate import DEFAULT_TOLERANCE, METHODS, is_compiled
+from spab_core.integrate import DEFAULT_TOLERANCE, METHODS
 from spab_core.map_engine import compute_map, open_run, remove_parts
 from spab_core.point import solve_point
 from spab_core.simulate import BEARING_NUMBER_RANGE, Settings, check_point, path_angle
@@ -124,7 +125,7 @@ def _design(args):
 
 def _say_compiling():
     if not is_compiled():
-        print("spab: compiling the kernels, once on this machine (about a minute)", file=sys.stderr, flush=True)
+        print("spab: compiling the kernels, once on this machine (about 20 s)", file=sys.stderr, flush=True)
 
 
 _ORBIT_REVOLUTIONS = 50
@@ -136,6 +137,7 @@ def _simulate(args) -> dict:
     if args.orbit is not None:
         check_output(args.orbit, "--orbit")
     _say_compiling()
+    compile_once()
     point = solve_point(design, args.rotor_mass, args.bearing_number, settings,
                         path_revolutions=0 if args.orbit is None else _ORBIT_REVOLUTIONS)
     if args.orbit is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 
+from spab_core import compiling
 from spab_core.artifacts import HOME
 from spab_core.design import InputError, check_number
 
@@ -41,6 +42,7 @@ def check_free(address: str, port: int) -> None:
 
 def _dashboard(args) -> dict:
     check_free(args.address, args.port)
+    compiling.start()  # before a page asks for the kernels
     from streamlit.web.cli import main  # half a second that other commands need not wait
 
     # .streamlit/config.toml beside app.py is read by Streamlit itself

@@ -8,8 +8,8 @@ from pathlib import Path
 from tqdm import tqdm
 
 from spab_core.cli_jobs import kept_when_stopped
+from spab_core.compiling import is_compiled
 from spab_core.design import Design, check_number, check_output
-from spab_core.integrate import is_compiled
 from spab_core.map_engine import remove_parts
 from spab_core.quick_map import SECONDS, SETTINGS, as_map, check_cluster, check_quick_map, quick_map, usual_plane
 from spab_core.refine import save_refinement
@@ -45,7 +45,7 @@ def design_map(args, design: Design) -> dict:
     cluster = check_cluster(args.dask or "") or None
     parts = Path(f"{args.out}.parts")
     if not is_compiled():
-        print("spab: compiling the kernels, once on this machine (about a minute)", flush=True)
+        print("spab: compiling the kernels, once on this machine (about 20 s)", flush=True)
     with (tqdm(total=round(60.0 * args.minutes), unit="s", bar_format="{l_bar}{bar}| {n:.0f} of {total} s") as bar,
           kept_when_stopped(bar, parts, "solved cells")):
         result = quick_map(design, bearing_number, rotor_mass, SETTINGS, seconds=60.0 * args.minutes, seed=args.seed,

@@ -189,11 +189,11 @@ def still(figure: go.Figure) -> Still:
 def orbit_still(figure: go.Figure) -> str:
     """The picture of a figure of ``figures_point.orbit_figure``: lines in a square; HTML as of :meth:`Still.marked`."""
     layout = figure.layout
-    side, (low, high) = layout.height - 115, layout.xaxis.range
+    side, (low, high) = layout.height - 111, layout.xaxis.range
     grid = "".join(f'<path d="M{at:.0f} 0V1000M0 {at:.0f}H1000" stroke="{_GRID}" vector-effect="non-scaling-stroke"/>'
                    for at in 1000.0 * (ticks(low, high, 6) - low) / (high - low))
     return _picture(
         f'<b style="position:absolute;left:4px;top:4px;font-weight:600">{html.escape(layout.title.text)}</b>'
-        f'<div class="spab-plot" style="margin:30px 0 46px calc(50% + 20px - {side / 2}px);width:{side}px">'
+        f'<div class="spab-plot" style="margin:30px 0 42px calc(50% + 20px - {side / 2}px);width:{side}px">'
         f'{_svg(1000, grid)}{_lines(figure)}{_axes(layout, 51, 50)}</div>'
         f'{_legend(figure, "margin:0 0 10px 45px")}', layout.height)

@@ -22,9 +22,8 @@ import numpy as np
 from numba import njit
 from numba.extending import overload
 
-from spab_core.design import reference_design
 from spab_core.dtm import DTM_ORDER, build_series, dtm_step
-from spab_core.film import DEFAULT_MESH, Film, Mesh, build_film, film_index, film_size
+from spab_core.film import Film, film_index, film_size
 from spab_core.kernels import (
     Work,
     add_curvature,
@@ -36,7 +35,7 @@ from spab_core.kernels import (
     time_slope,
 )
 from spab_core.linear import linearise, solve
-from spab_core.rotor import ROTOR_STATES, build_rotor
+from spab_core.rotor import ROTOR_STATES
 from spab_core.simd import WIDTH, aligned_zeros, inner, kernel, splat, vload, vstore, vsum
 
 METHODS = ("rodas", "dtm")
@@ -426,21 +425,6 @@ def bind(function, **replacements):
     return njit(nogil=True)(types.FunctionType(source.__code__, names, source.__name__))
 
 
-def is_compiled(mesh: Mesh = DEFAULT_MESH, method: str = "rodas") -> bool:
-    """Whether :func:`advance` is compiled for such a mesh and method, here or in numba's cache, so that a run need not wait."""
-    design = reference_design()
-    film = build_film(design, 1.0, mesh)
-    arguments = ((film, build_rotor(design, 1.0, 1.0)), build_memory(film, method), Options(), 0, 1, build_record(1, 0))
-    signature = tuple(numba.typeof(a) for a in arguments)
-    if signature in advance.overloads:
-        return True
-    try:
-        cache = advance._cache
-        return cache._index_key(signature, advance.targetctx.codegen()) in cache._cache_file._load_index()
-    except Exception:  # numba's private interface may change: then compiling is just not announced
-        return True
-
-
 __all__ = ["DEFAULT_TOLERANCE", "MAX_STEP", "METHODS", "OK", "REVOLUTION", "STATUS", "STATUS_TEXT", "Memory", "Options",
-           "Record", "advance", "bind", "build_memory", "build_record", "is_compiled",
+           "Record", "advance", "bind", "build_memory", "build_record",
            "rodas_step"]

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from spab_core.bifurcation import SWEEPS, check_line, compute_bifurcation, save_bifurcation
+from spab_core.compiling import compile_once
 from spab_core.design import Design, InputError, check_number, write_atomically
 from spab_core.point import solve_point
 from spab_core.point_file import save_point
@@ -127,6 +128,7 @@ def _check_point(parameters: dict) -> dict:
 
 def _run_point(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:
     settings = Settings(**parameters["settings"])
+    compile_once()
     set_total(int(settings.transient + settings.revolutions))  # fewer where the run settles
     save_point(solve_point(Design.from_dict(parameters["design"]), parameters["rotor_mass"], parameters["bearing_number"],
                            settings, path_revolutions=parameters["path_revolutions"], progress=advance), folder / "result.npz")

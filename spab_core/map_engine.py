@@ -22,8 +22,8 @@ import numpy as np
 import psutil
 
 from spab_core._kernel_cache import solver_hash
-from spab_core.design import Design, InputError, patiently, reference_design, write_atomically
-from spab_core.integrate import is_compiled
+from spab_core.compiling import compile_once
+from spab_core.design import Design, InputError, patiently, write_atomically
 from spab_core.npz import UNREADABLE, npz_bytes, open_npz
 from spab_core.point import OperatingPoint, solve_point
 from spab_core.simulate import Settings
@@ -133,19 +133,12 @@ def end_with_parent(parent: int) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def compile_once() -> None:
-    """Compile the kernels here if no process has: before several would do it at once."""
-    if not is_compiled():
-        solve_point(reference_design(), 4.0, 3.0, Settings(transient=0, revolutions=20))
-
-
 @contextlib.contextmanager
 def cluster_or_processes(workers: int, cluster: str | None = None) -> Iterator[joblib.Parallel]:
     """joblib's worker processes, or those of a Dask cluster."""
     options = {"return_as": "generator_unordered", "pre_dispatch": "2*n_jobs"}
     if cluster is None:
-        if workers > 1:
-            compile_once()
+        compile_once()  # before several would at once
         yield joblib.Parallel(n_jobs=workers, initializer=end_with_parent, initargs=(os.getpid(),), **options)
         return
     try:

@@ -540,8 +540,6 @@ class PointPrediction:
         One of ``regimes.REGIMES``, by the classifier.
     probability_unstable : float
         That the motion is not periodic.
-    notes : tuple of str
-        Why shipped models were refused, told once in a process; mostly none.
     """
 
     model: Model
@@ -551,11 +549,10 @@ class PointPrediction:
     high: float
     regime: str
     probability_unstable: float
-    notes: tuple[str, ...] = ()
 
 
 def predict_point(m: StabilityMap, rotor_mass: float, bearing_number: float, kind: Model = MODELS[DEFAULT[0]],
-                  divisor: int = DEFAULT[1], *, folder: Path | None = ARTIFACTS) -> PointPrediction:
+                  divisor: int = DEFAULT[1], *, folder: Path = ARTIFACTS) -> PointPrediction:
     """Predict one point with its interval, with the default model from what is shipped: nothing is trained nor solved.
 
     What was opened is kept in memory: the first call takes about a second, the others some hundredths.
@@ -563,36 +560,34 @@ def predict_point(m: StabilityMap, rotor_mass: float, bearing_number: float, kin
     Parameters
     ----------
     m : StabilityMap
-        The shipped map, or another one with ``folder`` None.
+        The shipped map.
     rotor_mass : float
         kg on one bearing.
     bearing_number : float
     kind, divisor
         Left out: the ones that pages begin with.
-    folder : Path or None
-        Of the shipped files; None for a map of which nothing can be shipped.
+    folder : Path
+        Of the shipped files.
 
     Raises
     ------
     InputError
-        For a point out of range, or too few cells.
+        For a point out of range.
+    ArtifactError
+        Where the model or its intervals are not shipped, or not to be opened.
     """
     check_point(rotor_mass, bearing_number)
     key = (map_hash(m), design_hash(m.design), kind.name, divisor, folder)
     with _POINTS:
         if key not in _points:
-            found = find_model(m, kind, divisor, folder=folder)
-            known, notes = find_certainty(m, kind, divisor, folder=folder)
+            found = load_shipped_model(m, kind, divisor, folder=folder), load_shipped_certainty(m, kind, divisor, folder=folder)
             _points.clear()
-            _points[key] = found.surrogate, known
-            notes = (*found.notes, *notes)
-        else:
-            notes = ()
+            _points[key] = found
         surrogate, known = _points[key]
     at = np.array([bearing_number], float), np.array([rotor_mass], float)
     low, high = known.calibrated.intervals(*at)
     return PointPrediction(kind, surrogate.training_cells, float(surrogate.predict(*at)[0]), float(low[0]), float(high[0]),
-                           str(known.regimes.predict(np.column_stack(at))[0]), float(known.calibrated.unstable(*at)[0]), notes)
+                           str(known.regimes.predict(np.column_stack(at))[0]), float(known.calibrated.unstable(*at)[0]))
 
 
 _POINTS = threading.Lock()

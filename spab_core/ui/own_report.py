@@ -14,14 +14,16 @@ from spab_core.refine import Refinement
 from spab_core.report import Section, design_section
 from spab_core.stability_map import StabilityMap
 from spab_core.ui.own_map import map_command, own_figure
-from spab_core.ui.shared import live_point
+from spab_core.ui.solving import live_point
 from spab_core.ui.view import OWN_LAYERS
 
 
 def report_page(design: Design, found: tuple[Refinement, StabilityMap], at: Margin | None, rotor_mass: float,
-                bearing_number: float, numbers: str, masses: str, minutes: float) -> Callable[[], tuple]:
-    """The arguments of ``report.report_html``, made when they are wanted."""
+                bearing_number: float, numbers: str, masses: str, minutes: float) -> Callable[[], tuple] | None:
+    """The arguments of ``report.report_html``, made when they are wanted; None as long as the solver is compiled."""
     point = live_point(design, rotor_mass, bearing_number)
+    if point is None:
+        return None
 
     def make() -> tuple:
         refined = found[0]

@@ -25,7 +25,7 @@ from spab_core.simulate import Settings, path_angle
 from spab_core.spectrum import spectrum
 from spab_core.ui.design_form import take_design
 from spab_core.ui.jobs import job_panel
-from spab_core.ui.shared import LIVE_PATHS, live_point
+from spab_core.ui.solving import LIVE_PATHS, live_point
 from spab_core.ui.view import chosen_design
 
 LIVE_SECONDS = 2.0  # what is expected to take longer runs as a job
@@ -54,7 +54,7 @@ def solved_point(design: Design, rotor_mass: float, bearing_number: float, setti
     Returns
     -------
     OperatingPoint or None
-        None as long as the job is not done; its panel is on the page. Raises ``InputError``.
+        None as long as the job is not done or the solver is compiled; that is on the page. Raises ``InputError``.
     """
     seconds = expected_seconds(settings, bearing_number)
     if seconds <= LIVE_SECONDS:

@@ -1,4 +1,4 @@
-"""Cached loaders, the live solve and the common page head."""
+"""Cached loaders and the common page head."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import plotly.graph_objects as go
 import streamlit as st
 from streamlit.runtime.scriptrunner import add_script_run_ctx, get_script_run_ctx
 
+from spab_core import compiling
 from spab_core.artifacts import (
     ARTIFACTS,
     BLOCK_SCORES,
@@ -26,18 +27,15 @@ from spab_core.artifacts import (
     load_reference_refinement,
     load_reference_scores,
 )
-from spab_core.design import Design, InputError
+from spab_core.design import InputError
 from spab_core.evaluation import ranking
 from spab_core.figures_map import SURROGATE, map_figure, mark_trace
 from spab_core.figures_still import Still, still
 from spab_core.figures_surrogates import ERROR_AXES, refinement_figure, surrogate_figure
-from spab_core.integrate import is_compiled
 from spab_core.jobs import Job
 from spab_core.margin import against_linear, critical_masses, margin
-from spab_core.point import OperatingPoint, solve_point
-from spab_core.pretrained import ServedMap, find_map
+from spab_core.pretrained import PointPrediction, ServedMap, find_map, predict_point
 from spab_core.refine import Refinement
-from spab_core.simulate import Settings
 from spab_core.stability_map import StabilityMap
 from spab_core.surrogates import linear_table_of, model
 from spab_core.ui.drawn import drawn
@@ -46,13 +44,12 @@ from spab_core.ui.still import want_plotly
 from spab_core.ui.view import open_view
 from spab_core.uncertainty import MapIntervals, load_intervals
 
-LIVE = Settings(transient=200, revolutions=200)
 HOME = "stability map"  # title of the only page with plain pictures
-LIVE_PATHS = 48  # orders of the spectrum are 1/48 apart; halves and thirds fall on them
 
 
 def page_head(title: str) -> None:
     """What every page begins with; ``title`` is shown in the browser's tab. The view is opened (:mod:`spab_core.ui.view`)."""
+    compiling.start()
     bound_memory()
     spare_lasting_objects(title)
     st.set_page_config(page_title=f"spab: {title}", page_icon="🌀", layout="wide")
@@ -63,6 +60,8 @@ def page_head(title: str) -> None:
             "[data-testid=stMetricLabel] p{font-size:.74rem} "
             # figures that need a width scroll in their own box on a narrow screen
             "@media(max-width:640px){[class*=st-key-wide_]{overflow-x:auto} [class*=st-key-wide_]>*{min-width:48rem}} "
+            # number fields come without their labels until their script is there
+            ".st-key-rotor_mass,.st-key-bearing_number,.st-key-rpm{min-height:4.25rem} "
             # Streamlit names the home page by its file, app.py
             "[data-testid=stSidebarNavItems] span[label=app] p{font-size:0} "
             "[data-testid=stSidebarNavItems] span[label=app] p::after{content:'Stability map';font-size:.875rem}</style>")
@@ -186,24 +185,6 @@ def page_link(name: str, label: str) -> None:
         st.page_link(f"pages/{path.name}", label=label, icon=":material/arrow_forward:")
 
 
-@st.cache_resource(max_entries=64, show_spinner=False)
-def _solve(design: Design, rotor_mass: float, bearing_number: float, settings: Settings) -> OperatingPoint:
-    compiled = is_compiled()
-    point = solve_point(design, rotor_mass, bearing_number, settings, path_revolutions=LIVE_PATHS)
-    if not compiled:  # the seconds told are the compiler's
-        point = solve_point(design, rotor_mass, bearing_number, settings, path_revolutions=LIVE_PATHS)
-    return point
-
-
-def live_point(design: Design, rotor_mass: float, bearing_number: float, settings: Settings = LIVE) -> OperatingPoint:
-    """Solve an operating point now, or take it from the last 64 solved; says so where the solver must be compiled first."""
-    text = "Solving this operating point …"
-    if not is_compiled():
-        text = "First run on this machine: compiling the solver. This takes about a minute, once."
-    with st.spinner(text):
-        return _solve(design, rotor_mass, bearing_number, settings)
-
-
 @st.cache_resource(show_spinner=False)
 def _predicted() -> dict[tuple, ServedMap]:
     return {}  # filled by hand: a cached function may not draw on the page, and training tells its progress there
@@ -228,6 +209,14 @@ def predicted_map(name: str, divisor: int, seed: int) -> ServedMap:
         for old in list(known)[:-40]:
             known.pop(old, None)
     return found
+
+
+def predicted_point(rotor_mass: float, bearing_number: float) -> PointPrediction | None:
+    """What the usual model says of a point of the reference map; None where no shipped one can be opened."""
+    try:
+        return predict_point(reference_map(), rotor_mass, bearing_number, folder=ARTIFACTS)
+    except ArtifactError:
+        return None
 
 
 def time_text(predicted: ServedMap) -> str:

@@ -5,7 +5,14 @@ import time
 import pytest
 import streamlit as st
 
+from spab_core.compiling import compile_once
 from spab_core.jobs import cancel, list_jobs
+
+
+@pytest.fixture(scope="session", autouse=True)
+def kernels():
+    """Compiled, or pages would only tell what is known without."""
+    compile_once()
 
 
 @pytest.fixture

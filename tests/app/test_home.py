@@ -16,7 +16,7 @@ from spab_core.figures import CHOSEN
 from spab_core.figures_map import LAYERS, SURROGATE
 from spab_core.margin import margin
 from spab_core.surrogates import MODELS
-from spab_core.ui import shared
+from spab_core.ui import shared, solving
 from tests.app.conftest import address
 from tests.conftest import ROOT
 
@@ -227,10 +227,10 @@ def test_touchdown_is_said_in_words():
 def test_a_first_run_says_that_it_compiles(monkeypatch):
     st.cache_resource.clear()
     said = []
-    monkeypatch.setattr(shared, "is_compiled", lambda: False)
-    monkeypatch.setattr(shared.st, "spinner", lambda text: said.append(text) or contextlib.nullcontext())
+    monkeypatch.setattr(solving, "is_compiled", lambda: False)
+    monkeypatch.setattr(solving.st, "spinner", lambda text: said.append(text) or contextlib.nullcontext())
     assert not AppTest.from_file(APP, default_timeout=240).run().exception
-    assert said == ["First run on this machine: compiling the solver. This takes about a minute, once."]
+    assert said == ["First run on this machine: compiling the solver. This takes about 20 s, once."]
 
 
 def test_a_damaged_map_is_said_in_words(monkeypatch, tmp_path):

@@ -49,6 +49,7 @@ def test_the_map_answers_before_plotly_is_there(chromium):
         page.goto(f"{address}/?rotor_mass=7&bearing_number=6")
         page.wait_for_selector("[data-answers]")
         page.get_by_text("Solved live").wait_for()
+        page.wait_for_selector(".st-key-orbit_box .spab-plot")
         assert not held and not page.locator(".stPlotlyChart").count()
         still, _, cross, orbit, _ = page.evaluate(PLACES)
         assert place_on(still, cross, m) == pytest.approx([6.0, 7.0], abs=0.06)

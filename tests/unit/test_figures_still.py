@@ -75,7 +75,7 @@ def test_orbits_are_drawn_to_scale():
     assert 'd="M700 500L500 300L300 500L500 700L700 500"' in lines
     assert [float(v) for v in re.findall(r"M([0-9.]+) 0V", grid)] == [100, 300, 500, 700, 900]  # -1, -0.5, 0, 0.5, 1
     assert all(f">{text}</" in html for text in ("Orbits", "journal", "X / C", "Y / C", "−0.5", "0", "1"))
-    assert "width:155px" in html  # square: of the height less margins
+    assert "width:159px" in html  # square: of the height less margins
 
 
 @given(low=st.floats(-1e6, 1e6), width=st.floats(1e-3, 1e6), most=st.integers(3, 10))

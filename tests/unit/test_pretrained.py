@@ -288,7 +288,7 @@ def test_a_point_with_its_interval_is_predicted_without_training(striped, sure, 
         found = predict_point(striped, mass, number, THEORY, 8, folder=sure)
         assert (found.low, found.high, found.probability_unstable) == (
             expected.low[row, column], expected.high[row, column], expected.unstable[row, column])
-        assert (found.regime, found.notes) == (expected.regime[row, column], ())
+        assert found.regime == expected.regime[row, column]
         assert found.mle == surrogate.predict(number, mass) and found.training_cells == 249
     whole = uncertain_map(striped, THEORY, 8, known=find_certainty(striped, THEORY, 8, folder=sure)[0])
     assert np.array_equal(whole.low, expected.low, equal_nan=True)

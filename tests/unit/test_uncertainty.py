@@ -14,7 +14,14 @@ from spab_core.features import LinearFeatures, shipped_table
 from spab_core.lyapunov import Exponent
 from spab_core.surrogates import model, predict_map, solved_cells
 from spab_core.theory_models import baseline
-from spab_core.uncertainty import STEPS, TooFewCells, load_intervals, reliability, save_intervals, uncertain_map
+from spab_core.uncertainty import (
+    STEPS,
+    TooFewCells,
+    load_intervals,
+    reliability,
+    save_intervals,
+    uncertain_map,
+)
 from tests.unit.test_surrogates import map_of, with_hole
 
 
