@@ -35,7 +35,7 @@ FOREIGN := NUMBA_CACHE_DIR=$(abspath $(VENV))/kernels-$(CPU)
 ifneq ($(CPU),native)
   FOREIGN += NUMBA_CPU_NAME=$(CPU) NUMBA_CPU_FEATURES=
 endif
-COMPILE := -c "from spab_core.map_engine import compile_once; compile_once()"
+COMPILE := -c "from spab_core.trajectory.compiling import compile_once; compile_once()"
 
 test-foreign: $(VENV)/.ready
 	$(FOREIGN) $(BIN)/python -m pytest $(SOLVING)
@@ -73,7 +73,7 @@ lock: $(VENV)/.ready
 # the shipped map: 42,500 cells, three quarters of an hour on two cores; an interrupted run goes on; then `make train`
 map: $(VENV)/.ready
 	$(BIN)/spab map --bearing-number 0.05:8.5:170 --rotor-mass 0.1:25:250 --out artifacts/reference_map.npz --workers 2
-	$(BIN)/python -m spab_core.artifacts
+	$(BIN)/python -m spab_core.shipped.manifest
 
 # scores, predicted maps and small models from the shipped map, the same to the bit on the same versions
 train: $(VENV)/.ready
@@ -87,7 +87,7 @@ verify: $(VENV)/.ready
 bifurcations: $(VENV)/.ready
 	$(BIN)/spab bifurcation --vary rotor-mass --at 3.45 --range 0.1:25:500 --out artifacts/bifurcation_rotor_mass.npz --workers 2
 	$(BIN)/spab bifurcation --vary bearing-number --at 4.52 --range 0.05:8.5:500 --out artifacts/bifurcation_bearing_number.npz --workers 2
-	$(BIN)/python -m spab_core.artifacts
+	$(BIN)/python -m spab_core.shipped.manifest
 
 # random cells of the shipped map again, finer and longer: docs/audit.csv
 audit: $(VENV)/.ready
@@ -96,7 +96,7 @@ audit: $(VENV)/.ready
 # after `make map`: what refining saves on it, artifacts/refined_map.npz (n/16 of its cells) and docs/learning_curve.csv
 refined: $(VENV)/.ready
 	$(BIN)/spab refine --map artifacts/reference_map.npz --budget 2656 --seed 10 --out artifacts/refined_map.npz
-	$(BIN)/python -m spab_core.artifacts
+	$(BIN)/python -m spab_core.shipped.manifest
 	$(BIN)/python benchmarks/learning_curve.py
 
 # the pictures of docs/results.md, drawn in Chromium
@@ -105,7 +105,7 @@ results: $(VENV)/.ready
 
 # linear stability of the reference design over the plane, an input of surrogates: half a minute
 linear-table: $(VENV)/.ready
-	$(BIN)/python -m spab_core.features
+	$(BIN)/python -m spab_core.linear_theory.linear_table
 
 # the licences of all that is installed: docs/licences.md
 licences: $(VENV)/.ready
@@ -113,7 +113,7 @@ licences: $(VENV)/.ready
 
 # checksums of everything in artifacts/
 manifest: $(VENV)/.ready
-	$(BIN)/python -m spab_core.artifacts
+	$(BIN)/python -m spab_core.shipped.manifest
 
 # the pictures of docs/dashboard.md and the README, taken in Chromium
 pictures: $(VENV)/.ready

@@ -2,14 +2,14 @@
 
 import streamlit as st
 
-from spab_core.design import reference_design
-from spab_core.export import map_netcdf, map_table
-from spab_core.figures_map import HEIGHT, LAYERS, SURROGATE
-from spab_core.figures_point import orbit_figure
-from spab_core.figures_still import orbit_still
-from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
-from spab_core.stability_map import map_bytes
-from spab_core.surrogates import MODELS
+from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.design.model import reference_design
+from spab_core.maps.stability_map import map_bytes
+from spab_core.plotting.map import HEIGHT, LAYERS, SURROGATE
+from spab_core.plotting.point import orbit_figure
+from spab_core.plotting.still import orbit_still
+from spab_core.reporting.export import map_netcdf, map_table
+from spab_core.surrogates.models import MODELS
 from spab_core.ui.clicks import clickable, mark_place
 from spab_core.ui.downloads import downloads
 from spab_core.ui.shared import (

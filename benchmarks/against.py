@@ -22,11 +22,11 @@ import numpy as np
 import scipy.sparse
 from scipy.integrate import solve_ivp
 
-from spab_core.design import reference_design
-from spab_core.film import DEFAULT_MESH, build_film, film_array, film_size
-from spab_core.integrate import Options, advance, build_memory, build_record
-from spab_core.kernels import build_work, fill_jacobian, slope
-from spab_core.rotor import build_rotor
+from spab_core.design.model import reference_design
+from spab_core.solver.film import DEFAULT_MESH, build_film, film_array, film_size
+from spab_core.solver.rotor import build_rotor
+from spab_core.solver.slope import build_work, fill_jacobian, slope
+from spab_core.solver.stepping import Options, advance, build_memory, build_record
 
 POINTS = ((4.0, 1.0), (4.52, 3.45), (4.52, 8.0))  # kg, bearing number
 SETTLE, REVOLUTIONS, TARGET = 80, 20, 1e-4

@@ -19,11 +19,11 @@ from pathlib import Path
 import joblib
 import numpy as np
 
-from spab_core._kernel_cache import solver_hash
-from spab_core.artifacts import load_reference_map
-from spab_core.design import write_atomically
-from spab_core.point import solve_point
-from spab_core.simulate import Settings
+from spab_core.common.files import write_atomically
+from spab_core.shipped.manifest import load_reference_map
+from spab_core.solver.cache import solver_hash
+from spab_core.trajectory.point import solve_point
+from spab_core.trajectory.settings import Settings
 
 ROOT = Path(__file__).resolve().parent.parent
 SEED = 20261122

@@ -30,7 +30,7 @@ import numpy as np
 sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve().parent.parent)]
 from session import User  # noqa: E402
 
-from spab_core import jobs  # noqa: E402
+from spab_core.jobs import store as jobs  # noqa: E402
 
 ROOT = Path(__file__).resolve().parent.parent
 OPTIONS = ["--mesh", "2x16", "--transient", "20", "--revolutions", "20"]
@@ -138,7 +138,7 @@ class Work:
     def begin(self) -> None:
         """Start the process."""
         with (self.base / "log.txt").open("a") as log:
-            self.process = subprocess.Popen([sys.executable, "-m", "spab_core.cli", *COMMANDS[self.name]], cwd=self.folder,
+            self.process = subprocess.Popen([sys.executable, "-m", "spab_core.cli.main", *COMMANDS[self.name]], cwd=self.folder,
                                             env=self.environment(), stdout=log, stderr=log)
 
     def done(self) -> bool:

@@ -248,31 +248,31 @@ def damaged_address(rng, data):
 def targets(folder):
     """By name: how often, the valid bytes to start from, what damages them, what reads them."""
     import spab_core.ui.view as view
-    from spab_core import (
-        artifacts,
-        bifurcation,
-        cli_jobs,
-        features,
-        job_kinds,
-        jobs,
-        map_engine,
-        model_cache,
-        oracles,
-        point_file,
-    )
-    from spab_core.design import InputError, design_toml, read_design_bytes, reference_design
-    from spab_core.export import csv_bytes, map_table
-    from spab_core.foreign import load_samples, read_samples, samples_bytes
-    from spab_core.margin import margin
-    from spab_core.npz import UNREADABLE, npz_bytes
-    from spab_core.point import solve_point
-    from spab_core.presets import PRESETS
-    from spab_core.quick_map import as_map
-    from spab_core.refine import load_refinement, save_refinement
-    from spab_core.simulate import Settings
-    from spab_core.stability_map import FIELDS, StabilityMap, load_map, map_bytes
-    from spab_core.uncertainty import load_intervals
-    from spab_core.what_if import Margin, load_sensitivity
+    from spab_core.active_learning import oracles
+    from spab_core.active_learning.quick_map import as_map
+    from spab_core.active_learning.refine import load_refinement, save_refinement
+    from spab_core.cli import jobs as cli_jobs
+    from spab_core.common.errors import InputError
+    from spab_core.common.files import csv_bytes
+    from spab_core.common.npz import UNREADABLE, npz_bytes
+    from spab_core.design.model import design_toml, read_design_bytes, reference_design
+    from spab_core.design.presets import PRESETS
+    from spab_core.jobs import kinds as job_kinds
+    from spab_core.jobs import store as jobs
+    from spab_core.linear_theory import linear_table as features
+    from spab_core.maps import bifurcation
+    from spab_core.maps import compute as map_engine
+    from spab_core.maps.margin import margin
+    from spab_core.maps.sensitivity import Margin, load_sensitivity
+    from spab_core.maps.stability_map import FIELDS, StabilityMap, load_map, map_bytes
+    from spab_core.reporting.export import map_table
+    from spab_core.shipped import manifest as artifacts
+    from spab_core.shipped import model_cache
+    from spab_core.surrogates.uncertainty import load_intervals
+    from spab_core.surrogates.user_data import load_samples, read_samples, samples_bytes
+    from spab_core.trajectory import point_file
+    from spab_core.trajectory.point import solve_point
+    from spab_core.trajectory.settings import Settings
 
     design = reference_design()
     whole = artifacts.load_reference_map()
@@ -460,7 +460,7 @@ def run(cases, seed, only=()):
     for variable, place in (("SPAB_JOBS", "jobs"), ("SPAB_CACHE", "cache")):
         (folder / place).mkdir(mode=0o700)
         os.environ[variable] = str(folder / place)
-    from spab_core.design import InputError  # numba's folder is chosen by now
+    from spab_core.common.errors import InputError  # numba's folder is chosen by now
     found = {name: entry for name, entry in targets(folder).items() if not only or name in only}
     rng = random.Random(seed)
     names = rng.choices(list(found), [entry[0] for entry in found.values()], k=cases)

@@ -17,7 +17,7 @@ import time
 import numpy as np
 
 from spab_core import Settings, reference_design, solve_point
-from spab_core.map_engine import compute_map
+from spab_core.maps.compute import compute_map
 
 PAPER_SECONDS = (60.0, 120.0)
 

@@ -23,11 +23,12 @@ import numpy as np
 from scipy.integrate import simpson
 
 from spab_core import Settings, solve_point
-from spab_core.design import Bearing, Contact, Design, DesignError, Gas, Rotor
-from spab_core.film import build_film, film_array, film_fluxes, gas_content
-from spab_core.integrate import DEFAULT_TOLERANCE, OK, REVOLUTION, Options, advance, build_memory, build_record
-from spab_core.rotor import build_rotor
-from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.common.errors import DesignError
+from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.design.model import Bearing, Contact, Design, Gas, Rotor
+from spab_core.solver.film import build_film, film_array, film_fluxes, gas_content
+from spab_core.solver.rotor import build_rotor
+from spab_core.solver.stepping import DEFAULT_TOLERANCE, OK, REVOLUTION, Options, advance, build_memory, build_record
 
 SETTINGS = Settings("4x24", transient=40, revolutions=40)
 HALF = dataclasses.replace(SETTINGS, tolerance=DEFAULT_TOLERANCE / 16.0)

@@ -19,12 +19,12 @@ import time
 import numpy as np
 from numba import njit
 
-from spab_core.design import reference_design
-from spab_core.film import DEFAULT_MESH, build_film, film_size
-from spab_core.integrate import Options, advance, build_memory, build_record
-from spab_core.kernels import slope, slope_and_jacobian, time_slope
-from spab_core.linear import linearise, solve
-from spab_core.rotor import build_rotor
+from spab_core.design.model import reference_design
+from spab_core.solver.film import DEFAULT_MESH, build_film, film_size
+from spab_core.solver.linear_solve import linearise, solve
+from spab_core.solver.rotor import build_rotor
+from spab_core.solver.slope import slope, slope_and_jacobian, time_slope
+from spab_core.solver.stepping import Options, advance, build_memory, build_record
 
 POINTS = {"4 kg, L 1": (4.0, 1.0), "4.52 kg, L 3 (period 2, e to 0.87)": (4.52, 3.0), "7 kg, L 6 (period 2)": (7.0, 6.0),
           "18 kg, L 4.5 (chaos, contact)": (18.0, 4.5), "10 kg, L 0.25 (stiff)": (10.0, 0.25)}

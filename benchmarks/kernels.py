@@ -9,12 +9,13 @@ import time
 import numpy as np
 from numba import njit
 
-from spab_core.design import reference_design
-from spab_core.film import DEFAULT_MESH, build_film
-from spab_core.integrate import Options, advance, build_memory, build_record, rodas_step
-from spab_core.kernels import add_curvature, prepare_curvature, slope, slope_tangent
-from spab_core.linear import linearise, solve
-from spab_core.rotor import build_rotor
+from spab_core.design.model import reference_design
+from spab_core.solver.curvature import add_curvature, prepare_curvature
+from spab_core.solver.film import DEFAULT_MESH, build_film
+from spab_core.solver.linear_solve import linearise, solve
+from spab_core.solver.rotor import build_rotor
+from spab_core.solver.slope import slope, slope_tangent
+from spab_core.solver.stepping import Options, advance, build_memory, build_record, rodas_step
 
 REPEAT, ROUNDS = 500, 9
 

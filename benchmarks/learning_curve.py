@@ -6,9 +6,9 @@ import time
 
 from tqdm import tqdm
 
-from spab_core.artifacts import load_reference_map
-from spab_core.design import write_atomically
-from spab_core.learning_curve import LEARNING_CURVE, SEEDS, goal, learning_curve, summary
+from spab_core.active_learning.learning_curve import LEARNING_CURVE, SEEDS, goal, learning_curve, summary
+from spab_core.common.files import write_atomically
+from spab_core.shipped.manifest import load_reference_map
 
 
 def main():

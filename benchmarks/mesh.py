@@ -12,10 +12,10 @@ import statistics
 
 import numpy as np
 
-from spab_core.design import reference_design
-from spab_core.film import parse_mesh
-from spab_core.point import solve_point
-from spab_core.simulate import Settings
+from spab_core.design.model import reference_design
+from spab_core.solver.film import parse_mesh
+from spab_core.trajectory.point import solve_point
+from spab_core.trajectory.settings import Settings
 
 MESHES = ["3x32", "4x32", "4x40", "4x48", "6x48"]
 FIXED = [(4.52, 1.5), (20.0, 2.0), (7.0, 6.0), (10.0, 5.0), (12.0, 8.0), (4.52, 3.0), (2.0, 5.0), (18.0, 4.5), (24.0, 4.0),

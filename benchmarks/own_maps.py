@@ -16,9 +16,9 @@ import numpy as np
 import pandas as pd
 from scipy.stats import binomtest
 
-from spab_core.map_engine import solve_chunk
-from spab_core.presets import PRESETS
-from spab_core.quick_map import SETTINGS, as_map, check_quick_map, quick_map, usual_plane
+from spab_core.active_learning.quick_map import SETTINGS, as_map, check_quick_map, quick_map, usual_plane
+from spab_core.design.presets import PRESETS
+from spab_core.maps.compute import solve_chunk
 
 TARGET = Path(__file__).resolve().parent.parent / "docs" / "own_maps.csv"
 CHUNK, SEED, WORKERS = 20, 20_260, 2

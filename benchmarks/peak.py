@@ -15,13 +15,13 @@ import time
 import numpy as np
 from numba import njit
 
-from spab_core.design import reference_design
-from spab_core.film import DEFAULT_MESH, build_film
-from spab_core.integrate import Options, advance, build_memory, build_record, rodas_step
-from spab_core.kernels import slope, slope_tangent
-from spab_core.linear import linearise, solve
-from spab_core.rotor import build_rotor
-from spab_core.simd import kernel, splat, vload, vstore
+from spab_core.design.model import reference_design
+from spab_core.solver.film import DEFAULT_MESH, build_film
+from spab_core.solver.linear_solve import linearise, solve
+from spab_core.solver.rotor import build_rotor
+from spab_core.solver.simd import kernel, splat, vload, vstore
+from spab_core.solver.slope import slope, slope_tangent
+from spab_core.solver.stepping import Options, advance, build_memory, build_record, rodas_step
 
 ROUNDS, REPEAT, CHAINS = 15, 400, 16
 LATITUDES = DEFAULT_MESH.latitude

@@ -14,11 +14,11 @@ import joblib
 import numpy as np
 
 from spab_core import Settings, solve_point
-from spab_core.artifacts import ARTIFACTS, SECONDS, load_reference_map, load_reference_scores, write_manifest
-from spab_core.design import write_atomically
-from spab_core.evaluation import ranking
-from spab_core.pretrained import train_on_map
-from spab_core.surrogates import DIVISORS, MODELS
+from spab_core.common.files import write_atomically
+from spab_core.shipped.manifest import ARTIFACTS, SECONDS, load_reference_map, load_reference_scores, write_manifest
+from spab_core.shipped.model_store import train_on_map
+from spab_core.surrogates.models import DIVISORS, MODELS
+from spab_core.surrogates.ranking import ranking
 
 SEED = 11  # of the draw of the cells that are solved
 DIVISOR = 2  # of the models that are asked: the largest ones

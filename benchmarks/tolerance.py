@@ -11,7 +11,7 @@ import argparse
 import numpy as np
 
 from spab_core import Settings, reference_design, solve_point
-from spab_core.integrate import DEFAULT_TOLERANCE
+from spab_core.solver.stepping import DEFAULT_TOLERANCE
 
 TIGHT = 1e-5
 

@@ -20,10 +20,10 @@ from sklearn.neural_network import MLPRegressor
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from spab_core.artifacts import load_reference_map
-from spab_core.features import shipped_table
-from spab_core.surrogates import MODELS, solved_cells, train, training_mask
-from spab_core.theory_models import TheoryTrees
+from spab_core.linear_theory.linear_table import shipped_table
+from spab_core.shipped.manifest import load_reference_map
+from spab_core.surrogates.models import MODELS, solved_cells, train, training_mask
+from spab_core.surrogates.theory_trees import TheoryTrees
 
 FOLDS, GP_CELLS = 5, 1200
 

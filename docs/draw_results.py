@@ -8,13 +8,13 @@ import numpy as np
 import plotly.graph_objects as go
 from take_pictures import browser_page
 
-from spab_core.artifacts import BIFURCATIONS, load_reference_bifurcation, load_reference_map, load_reference_refinement
-from spab_core.figures_lines import bifurcation_figure
-from spab_core.figures_map import map_figure
-from spab_core.figures_surrogates import learning_curve_figure, refinement_figure
-from spab_core.film import Mesh
-from spab_core.learning_curve import load_learning_curve
-from spab_core.stability import concentric_stiffness
+from spab_core.active_learning.learning_curve import load_learning_curve
+from spab_core.linear_theory.equilibrium import concentric_stiffness
+from spab_core.plotting.lines import bifurcation_figure
+from spab_core.plotting.map import map_figure
+from spab_core.plotting.surrogates import learning_curve_figure, refinement_figure
+from spab_core.shipped.manifest import BIFURCATIONS, load_reference_bifurcation, load_reference_map, load_reference_refinement
+from spab_core.solver.film import Mesh
 
 DOCS = Path(__file__).resolve().parent
 PICTURES = DOCS / "pictures"

@@ -4,9 +4,9 @@ from functools import partial
 
 import streamlit as st
 
-from spab_core import figures_point as draw
-from spab_core.design import reference_design
-from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.design.model import reference_design
+from spab_core.plotting import point as draw
 from spab_core.ui import point as ui
 from spab_core.ui.downloads import downloads
 from spab_core.ui.shared import errors_in_words, page_head

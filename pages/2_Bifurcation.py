@@ -2,12 +2,12 @@
 
 import streamlit as st
 
-from spab_core.artifacts import ARTIFACTS, BIFURCATIONS
-from spab_core.bifurcation import SWEEPS, line_of_map
-from spab_core.cost import expected_seconds
-from spab_core.figures_lines import COORDINATES
-from spab_core.job_kinds import workers_for
-from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.jobs.kinds import workers_for
+from spab_core.maps.bifurcation import SWEEPS, line_of_map
+from spab_core.plotting.lines import COORDINATES
+from spab_core.shipped.manifest import ARTIFACTS, BIFURCATIONS
+from spab_core.trajectory.expected_time import expected_seconds
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.lines import done_with_more, line_command, line_of_job, line_view, shipped_line
 from spab_core.ui.point import chosen_settings, duration, solver_controls

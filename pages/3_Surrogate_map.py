@@ -5,11 +5,13 @@ from functools import partial
 import numpy as np
 import streamlit as st
 
-from spab_core.evaluation import comparison_words, error_by_regime, errors, uncertainty_scores
-from spab_core.export import prediction_table
-from spab_core.figures_surrogates import reliability_figure, uncertainty_figure
-from spab_core.pretrained import prediction_npz
-from spab_core.surrogates import DIVISORS, MODELS
+from spab_core.plotting.surrogates import reliability_figure, uncertainty_figure
+from spab_core.reporting.export import prediction_table
+from spab_core.shipped.model_store import prediction_npz
+from spab_core.surrogates.metrics import errors, uncertainty_scores
+from spab_core.surrogates.models import DIVISORS, MODELS
+from spab_core.surrogates.ranking import comparison_words, error_by_regime
+from spab_core.surrogates.uncertainty import reliability
 from spab_core.ui.clicks import clickable, mark_place
 from spab_core.ui.downloads import downloads
 from spab_core.ui.jobs import job_panel
@@ -24,7 +26,6 @@ from spab_core.ui.shared import (
 )
 from spab_core.ui.solving import live_point
 from spab_core.ui.view import set_point
-from spab_core.uncertainty import reliability
 
 page_head("surrogate map")
 

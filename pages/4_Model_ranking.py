@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import streamlit as st
 
-from spab_core.evaluation import PAPER_RMSE, ranking, spread, suggestion, table
-from spab_core.figures_surrogates import fraction_figure
-from spab_core.foreign import read_samples, samples_bytes
-from spab_core.job_kinds import SAMPLES
-from spab_core.surrogates import DIVISORS, MODELS
+from spab_core.jobs.kinds import SAMPLES
+from spab_core.plotting.surrogates import fraction_figure
+from spab_core.surrogates.models import DIVISORS, MODELS
+from spab_core.surrogates.ranking import PAPER_RMSE, ranking, spread, suggestion, table
+from spab_core.surrogates.user_data import read_samples, samples_bytes
 from spab_core.ui.downloads import downloads
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.shared import (

@@ -4,10 +4,10 @@ from functools import partial
 
 import streamlit as st
 
-from spab_core.artifacts import REFINED, checked_bytes
-from spab_core.committee import DAMPED
-from spab_core.figures_surrogates import REFINE_LAYERS, learning_curve_figure
-from spab_core.learning_curve import GOAL, goal, load_learning_curve
+from spab_core.active_learning.committee import DAMPED
+from spab_core.active_learning.learning_curve import GOAL, goal, load_learning_curve
+from spab_core.plotting.surrogates import REFINE_LAYERS, learning_curve_figure
+from spab_core.shipped.manifest import REFINED, checked_bytes
 from spab_core.ui.downloads import downloads
 from spab_core.ui.shared import drawn_refinement, errors_in_words, page_head, reference_refinement
 from spab_core.ui.view import JUDGED

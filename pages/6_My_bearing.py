@@ -3,9 +3,9 @@
 import pandas as pd
 import streamlit as st
 
-from spab_core.coefficients import LEAST_STABLE, NAMES
-from spab_core.derived import Derived
-from spab_core.figures_bearing import coefficient_figure
+from spab_core.linear_theory.coefficients import LEAST_STABLE, NAMES
+from spab_core.linear_theory.summary import Derived
+from spab_core.plotting.bearing import coefficient_figure
 from spab_core.ui.bearing import coefficient_downloads, derived_now, over_speed, over_whirl
 from spab_core.ui.design_form import design_form
 from spab_core.ui.shared import errors_in_words, page_head

@@ -2,10 +2,10 @@
 
 import streamlit as st
 
-from spab_core.export import browser_path, map_table
-from spab_core.quick_map import check_cluster, check_quick_map, usual_plane
-from spab_core.report import report_html, report_pdf
-from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.active_learning.quick_map import check_cluster, check_quick_map, usual_plane
+from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.reporting.export import browser_path, map_table
+from spab_core.reporting.report import report_html, report_pdf
 from spab_core.ui import own_map
 from spab_core.ui.clicks import clickable, mark_place
 from spab_core.ui.downloads import downloads

@@ -3,19 +3,19 @@
 import pandas as pd
 import streamlit as st
 
-from spab_core.derived import derive
-from spab_core.design import read_design_bytes
-from spab_core.figures_point import orbit_figure
-from spab_core.figures_what_if import run_up_figure, tornado_figure
-from spab_core.presets import PRESETS
-from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.design.model import read_design_bytes
+from spab_core.design.presets import PRESETS
+from spab_core.linear_theory.summary import derive
+from spab_core.maps.sensitivity import AXES, STEPS, load_sensitivity, regime_intervals
+from spab_core.plotting.point import orbit_figure
+from spab_core.plotting.sensitivity import run_up_figure, tornado_figure
 from spab_core.ui.downloads import downloads
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.lines import line_command, line_of_job
 from spab_core.ui.shared import digits, errors_in_words, page_head
 from spab_core.ui.solving import live_point
 from spab_core.ui.view import SCANS, SPEEDS, WHAT_TABS, chosen_design, design_option, design_words, show_usual
-from spab_core.what_if import AXES, STEPS, load_sensitivity, regime_intervals
 
 page_head("what if")
 design, state = chosen_design(), st.session_state

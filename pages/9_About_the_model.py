@@ -2,8 +2,8 @@
 
 import streamlit as st
 
-from spab_core.artifacts import load_audit
-from spab_core.figures_surrogates import audit_figure
+from spab_core.plotting.surrogates import audit_figure
+from spab_core.shipped.manifest import load_audit
 from spab_core.ui.documents import read_sections, show_sections
 from spab_core.ui.downloads import downloads
 from spab_core.ui.shared import errors_in_words, page_head

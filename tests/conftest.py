@@ -11,11 +11,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 import pytest
 
-from spab_core.design import reference_design
-from spab_core.film import Mesh, build_film, film_index, film_size
-from spab_core.integrate import Options, advance, build_memory, build_record
-from spab_core.map_engine import compile_once
-from spab_core.rotor import build_rotor
+from spab_core.design.model import reference_design
+from spab_core.solver.film import Mesh, build_film, film_index, film_size
+from spab_core.solver.rotor import build_rotor
+from spab_core.solver.stepping import Options, advance, build_memory, build_record
+from spab_core.trajectory.compiling import compile_once
 
 SMALL = Mesh(3, 24)
 

@@ -7,11 +7,11 @@ from functools import partial
 import numpy as np
 import streamlit as st
 
-from spab_core.coefficient_table import coefficient_table, table_bytes
-from spab_core.coefficients import LEAST_STABLE, Coefficients, coefficients, coefficients_over_speed, impedance
-from spab_core.derived import Derived, derive
-from spab_core.design import Design
-from spab_core.simulate import BEARING_NUMBER_RANGE
+from spab_core.design.limits import BEARING_NUMBER_RANGE
+from spab_core.design.model import Design
+from spab_core.linear_theory.coefficients import LEAST_STABLE, Coefficients, coefficients, coefficients_over_speed, impedance
+from spab_core.linear_theory.ross_table import coefficient_table, table_bytes
+from spab_core.linear_theory.summary import Derived, derive
 
 WHIRL_RATIOS = np.linspace(0.0, 2.0, 41)
 SPEEDS = np.linspace(0.25, 1.5, 26)  # over the speed of the operating point

@@ -11,7 +11,7 @@ from collections.abc import Callable, Hashable
 import plotly.graph_objects as go
 import streamlit as st
 
-from spab_core.figures import CHOSEN
+from spab_core.plotting.theme import CHOSEN
 
 # Plotly's `plot.on`, `data`, `calcdata` and `_fullLayout` as of plotly.js 3; tests/browser click in every such figure.
 _LISTENER = """

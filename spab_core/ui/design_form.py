@@ -6,8 +6,8 @@ import math
 
 import streamlit as st
 
-from spab_core.design import Design, InputError, design_toml, read_design_bytes, reference_design
-from spab_core.form import (
+from spab_core.common.errors import InputError
+from spab_core.design.form import (
     FIELDS,
     GRADE_RANGE,
     GROUPS,
@@ -18,8 +18,9 @@ from spab_core.form import (
     grade_of_eccentricity,
     to_form,
 )
-from spab_core.presets import PRESETS
-from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.design.model import Design, design_toml, read_design_bytes, reference_design
+from spab_core.design.presets import PRESETS
 from spab_core.ui.shared import digits
 from spab_core.ui.view import chosen_design, set_design, set_point, set_speed
 

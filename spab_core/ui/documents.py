@@ -9,8 +9,8 @@ from pathlib import Path
 
 import streamlit as st
 
-from spab_core.artifacts import HOME
-from spab_core.design import InputError
+from spab_core.common.errors import InputError
+from spab_core.common.paths import HOME
 
 DOCS = HOME / "docs"
 _PICTURE = re.compile(r"!\[(?P<words>[^\]]*)\]\((?P<path>[^)\s]+)\)\s*")

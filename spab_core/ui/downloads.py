@@ -9,8 +9,9 @@ import pandas as pd
 import plotly.graph_objects as go
 import streamlit as st
 
-from spab_core.design import Design, design_toml
-from spab_core.export import browser_path, csv_bytes, figure_html, figure_png
+from spab_core.common.files import csv_bytes
+from spab_core.design.model import Design, design_toml
+from spab_core.reporting.export import browser_path, figure_html, figure_png
 from spab_core.ui.view import chosen_design, is_reference
 
 _KINDS = {"npz": ("Data, NPZ", "application/octet-stream"), "nc": ("Data, NetCDF", "application/x-netcdf"),

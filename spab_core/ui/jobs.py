@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import streamlit as st
 
-from spab_core.job_kinds import KINDS
-from spab_core.jobs import Job, JobError, cancel, find, job_id, submit
+from spab_core.jobs.kinds import KINDS
+from spab_core.jobs.store import Job, JobError, cancel, find, job_id, submit
 from spab_core.ui.shared import errors_in_words
 
 _EVERY = 0.7  # seconds between two looks at a job

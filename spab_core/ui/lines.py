@@ -10,10 +10,10 @@ from pathlib import Path
 
 import streamlit as st
 
-from spab_core.artifacts import ARTIFACTS, load_reference_bifurcation
-from spab_core.bifurcation import SWEEPS, Bifurcation, interval_table, line_table, load_bifurcation
-from spab_core.figures_lines import bifurcation_figure
-from spab_core.jobs import Job, JobError, find, job_id
+from spab_core.jobs.store import Job, JobError, find, job_id
+from spab_core.maps.bifurcation import SWEEPS, Bifurcation, interval_table, line_table, load_bifurcation
+from spab_core.plotting.lines import bifurcation_figure
+from spab_core.shipped.manifest import ARTIFACTS, load_reference_bifurcation
 from spab_core.ui.downloads import downloads
 
 _LABELS = {"rotor-mass": "kg", "bearing-number": "Λ"}

@@ -10,14 +10,14 @@ import pandas as pd
 import plotly.graph_objects as go
 import streamlit as st
 
-from spab_core.design import InputError
-from spab_core.figures_map import hover, map_figure, mark_trace
-from spab_core.job_kinds import KINDS
-from spab_core.jobs import Job, delete, find, job_id, list_jobs
-from spab_core.margin import Margin, margin
-from spab_core.quick_map import as_map
-from spab_core.refine import Refinement, load_refinement
-from spab_core.stability_map import StabilityMap
+from spab_core.active_learning.quick_map import as_map
+from spab_core.active_learning.refine import Refinement, load_refinement
+from spab_core.common.errors import InputError
+from spab_core.jobs.kinds import KINDS
+from spab_core.jobs.store import Job, delete, find, job_id, list_jobs
+from spab_core.maps.margin import Margin, margin
+from spab_core.maps.stability_map import StabilityMap
+from spab_core.plotting.map import hover, map_figure, mark_trace
 from spab_core.ui.view import OWN_LAYERS
 
 

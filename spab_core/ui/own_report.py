@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 import plotly.graph_objects as go
 
-from spab_core.derived import derive
-from spab_core.design import Design
-from spab_core.figures_point import orbit_figure, section_figure
-from spab_core.margin import Margin
-from spab_core.refine import Refinement
-from spab_core.report import Section, design_section
-from spab_core.stability_map import StabilityMap
+from spab_core.active_learning.refine import Refinement
+from spab_core.design.model import Design
+from spab_core.linear_theory.summary import derive
+from spab_core.maps.margin import Margin
+from spab_core.maps.stability_map import StabilityMap
+from spab_core.plotting.point import orbit_figure, section_figure
+from spab_core.reporting.report import Section, design_section
 from spab_core.ui.own_map import map_command, own_figure
 from spab_core.ui.solving import live_point
 from spab_core.ui.view import OWN_LAYERS

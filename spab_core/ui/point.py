@@ -11,18 +11,20 @@ import pandas as pd
 import plotly.graph_objects as go
 import streamlit as st
 
-from spab_core import figures_point as draw
-from spab_core.cost import expected_seconds
-from spab_core.design import Design, InputError, reference_design
-from spab_core.film import DEFAULT_MESH, MESH_LIMITS, SCHEMES, Mesh
-from spab_core.form import FIELDS, GROUPS, from_form, to_form
-from spab_core.integrate import METHODS
-from spab_core.npz import npz_bytes
-from spab_core.point import OperatingPoint
-from spab_core.point_file import load_point, point_arrays
-from spab_core.revolution import Revolution, forces, integrate_revolution, run_up
-from spab_core.simulate import Settings, path_angle
-from spab_core.spectrum import spectrum
+from spab_core.common.errors import InputError
+from spab_core.common.npz import npz_bytes
+from spab_core.design.form import FIELDS, GROUPS, from_form, to_form
+from spab_core.design.model import Design, reference_design
+from spab_core.plotting import point as draw
+from spab_core.solver.film import DEFAULT_MESH, MESH_LIMITS, SCHEMES, Mesh
+from spab_core.solver.stepping import METHODS
+from spab_core.trajectory.expected_time import expected_seconds
+from spab_core.trajectory.point import OperatingPoint
+from spab_core.trajectory.point_file import load_point, point_arrays
+from spab_core.trajectory.revolution import Revolution, forces, integrate_revolution, run_up
+from spab_core.trajectory.run import path_angle
+from spab_core.trajectory.settings import Settings
+from spab_core.trajectory.spectrum import spectrum
 from spab_core.ui.design_form import take_design
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.solving import LIVE_PATHS, live_point

@@ -13,8 +13,15 @@ import plotly.graph_objects as go
 import streamlit as st
 from streamlit.runtime.scriptrunner import add_script_run_ctx, get_script_run_ctx
 
-from spab_core import compiling
-from spab_core.artifacts import (
+from spab_core.active_learning.refine import Refinement
+from spab_core.common.errors import InputError
+from spab_core.jobs.store import Job
+from spab_core.maps.margin import against_linear, critical_masses, margin
+from spab_core.maps.stability_map import StabilityMap
+from spab_core.plotting.map import SURROGATE, map_figure, mark_trace
+from spab_core.plotting.still import Still, still
+from spab_core.plotting.surrogates import ERROR_AXES, refinement_figure, surrogate_figure
+from spab_core.shipped.manifest import (
     ARTIFACTS,
     BLOCK_SCORES,
     PREDICTIONS,
@@ -27,22 +34,15 @@ from spab_core.artifacts import (
     load_reference_refinement,
     load_reference_scores,
 )
-from spab_core.design import InputError
-from spab_core.evaluation import ranking
-from spab_core.figures_map import SURROGATE, map_figure, mark_trace
-from spab_core.figures_still import Still, still
-from spab_core.figures_surrogates import ERROR_AXES, refinement_figure, surrogate_figure
-from spab_core.jobs import Job
-from spab_core.margin import against_linear, critical_masses, margin
-from spab_core.pretrained import PointPrediction, ServedMap, find_map, predict_point
-from spab_core.refine import Refinement
-from spab_core.stability_map import StabilityMap
-from spab_core.surrogates import linear_table_of, model
+from spab_core.shipped.model_store import PointPrediction, ServedMap, find_map, predict_point
+from spab_core.surrogates.models import linear_table_of, model
+from spab_core.surrogates.ranking import ranking
+from spab_core.surrogates.uncertainty import MapIntervals, load_intervals
+from spab_core.trajectory import compiling
 from spab_core.ui.drawn import drawn
 from spab_core.ui.memory import bound_memory, spare_lasting_objects
 from spab_core.ui.still import want_plotly
 from spab_core.ui.view import open_view
-from spab_core.uncertainty import MapIntervals, load_intervals
 
 HOME = "stability map"  # title of the only page with plain pictures
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import streamlit as st
 
-from spab_core import compiling
-from spab_core.compiling import is_compiled, is_linear_compiled
-from spab_core.design import Design, InputError, reference_design
-from spab_core.point import OperatingPoint, solve_point
-from spab_core.simulate import Settings
-from spab_core.stability_map import StabilityMap
+from spab_core.common.errors import InputError
+from spab_core.design.model import Design, reference_design
+from spab_core.maps.stability_map import StabilityMap
+from spab_core.surrogates.uncertainty import CONFIDENCE
+from spab_core.trajectory import compiling
+from spab_core.trajectory.compiling import is_compiled, is_linear_compiled
+from spab_core.trajectory.point import OperatingPoint, solve_point
+from spab_core.trajectory.settings import Settings
 from spab_core.ui.shared import predicted_point, reference_map
-from spab_core.uncertainty import CONFIDENCE
 
 LIVE = Settings(transient=200, revolutions=200)
 LIVE_PATHS = 48  # orders of the spectrum are 1/48 apart; halves and thirds fall on them

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import streamlit as st
 
-from spab_core.figures_still import Still
+from spab_core.plotting.still import Still
 
 _READY = "plotly_wanted"
 _LISTENER = """

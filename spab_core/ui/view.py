@@ -14,22 +14,24 @@ from typing import Any
 
 import streamlit as st
 
-from spab_core.bifurcation import SWEEPS, VARY
-from spab_core.design import Design, InputError, check_number, reference_design
-from spab_core.figures_lines import COORDINATES
-from spab_core.figures_map import LAYERS
-from spab_core.figures_point import QUANTITIES
-from spab_core.figures_surrogates import REFINE_LAYERS
-from spab_core.film import DEFAULT_MESH, SCHEMES, parse_mesh
-from spab_core.form import FIELDS, to_form
-from spab_core.integrate import METHODS
-from spab_core.presets import PRESETS
-from spab_core.pretrained import DEFAULT
-from spab_core.quick_map import SECONDS
-from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
-from spab_core.stability_map import axis
-from spab_core.surrogates import DIVISORS, MODELS
-from spab_core.what_if import AXES, SCAN, STEP, STEPS
+from spab_core.active_learning.quick_map import SECONDS
+from spab_core.common.errors import InputError
+from spab_core.common.validation import check_number
+from spab_core.design.form import FIELDS, to_form
+from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.design.model import Design, reference_design
+from spab_core.design.presets import PRESETS
+from spab_core.maps.bifurcation import SWEEPS, VARY
+from spab_core.maps.sensitivity import AXES, SCAN, STEP, STEPS
+from spab_core.maps.stability_map import axis
+from spab_core.plotting.lines import COORDINATES
+from spab_core.plotting.map import LAYERS
+from spab_core.plotting.point import QUANTITIES
+from spab_core.plotting.surrogates import REFINE_LAYERS
+from spab_core.shipped.model_store import DEFAULT
+from spab_core.solver.film import DEFAULT_MESH, SCHEMES, parse_mesh
+from spab_core.solver.stepping import METHODS
+from spab_core.surrogates.models import DIVISORS, MODELS
 
 LINES = ("paper", *VARY)  # of the page of lines: the paper's two, or one through the chosen point
 _LONGEST = 100  # characters of a value in the address that are looked at

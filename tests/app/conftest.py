@@ -5,8 +5,8 @@ import time
 import pytest
 import streamlit as st
 
-from spab_core.compiling import compile_once
-from spab_core.jobs import cancel, list_jobs
+from spab_core.jobs.store import cancel, list_jobs
+from spab_core.trajectory.compiling import compile_once
 
 
 @pytest.fixture(scope="session", autouse=True)

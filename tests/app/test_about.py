@@ -6,9 +6,10 @@ import re
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from spab_core import artifacts
-from spab_core.artifacts import AUDIT, HOME, ArtifactError, load_audit
-from spab_core.design import InputError
+from spab_core.common.errors import InputError
+from spab_core.common.paths import HOME
+from spab_core.shipped import manifest as artifacts
+from spab_core.shipped.manifest import AUDIT, ArtifactError, load_audit
 from spab_core.ui import documents
 from spab_core.ui.documents import read_sections
 from tests.conftest import ROOT

@@ -6,10 +6,10 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
-from spab_core import artifacts
-from spab_core.bifurcation import SWEEPS, load_bifurcation
-from spab_core.figures_lines import COORDINATES, SWEEP_COLOURS
-from spab_core.jobs import list_jobs
+from spab_core.jobs.store import list_jobs
+from spab_core.maps.bifurcation import SWEEPS, load_bifurcation
+from spab_core.plotting.lines import COORDINATES, SWEEP_COLOURS
+from spab_core.shipped import manifest as artifacts
 from spab_core.ui import lines
 from tests.app.conftest import until_done
 from tests.conftest import ROOT

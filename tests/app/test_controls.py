@@ -4,7 +4,7 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
-from spab_core.surrogates import DIVISORS
+from spab_core.surrogates.models import DIVISORS
 from spab_core.ui.view import CELLS, JUDGED, LINES, METRICS, SAME, VIEW
 from tests.conftest import ROOT
 

@@ -4,9 +4,9 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
-from spab_core import compiling
-from spab_core.artifacts import load_reference_map
-from spab_core.design import reference_design
+from spab_core.design.model import reference_design
+from spab_core.shipped.manifest import load_reference_map
+from spab_core.trajectory import compiling
 from spab_core.ui import shared, solving
 from tests.app.conftest import until_done
 from tests.conftest import ROOT

@@ -8,14 +8,14 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
-from spab_core import artifacts
-from spab_core.artifacts import load_reference_map
-from spab_core.cli import _build_parser
-from spab_core.design import reference_design
-from spab_core.figures import CHOSEN
-from spab_core.figures_map import LAYERS, SURROGATE
-from spab_core.margin import margin
-from spab_core.surrogates import MODELS
+from spab_core.cli.main import _build_parser
+from spab_core.design.model import reference_design
+from spab_core.maps.margin import margin
+from spab_core.plotting.map import LAYERS, SURROGATE
+from spab_core.plotting.theme import CHOSEN
+from spab_core.shipped import manifest as artifacts
+from spab_core.shipped.manifest import load_reference_map
+from spab_core.surrogates.models import MODELS
 from spab_core.ui import shared, solving
 from tests.app.conftest import address
 from tests.conftest import ROOT

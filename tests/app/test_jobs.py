@@ -6,8 +6,8 @@ import time
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from spab_core.job_kinds import KINDS
-from spab_core.jobs import list_jobs
+from spab_core.jobs.kinds import KINDS
+from spab_core.jobs.store import list_jobs
 
 pytestmark = pytest.mark.usefixtures("own_jobs")
 

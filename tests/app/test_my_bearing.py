@@ -9,11 +9,11 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
-from spab_core.coefficients import NAMES, Coefficients
-from spab_core.derived import derive
-from spab_core.design import design_toml, load_design, reference_design
-from spab_core.form import FIELDS, eccentricity_of_grade
-from spab_core.presets import PRESETS, preset
+from spab_core.design.form import FIELDS, eccentricity_of_grade
+from spab_core.design.model import design_toml, load_design, reference_design
+from spab_core.design.presets import PRESETS, preset
+from spab_core.linear_theory.coefficients import NAMES, Coefficients
+from spab_core.linear_theory.summary import derive
 from spab_core.ui import bearing, view
 from tests.app.conftest import address
 from tests.conftest import ROOT
@@ -153,7 +153,7 @@ def upload(at, data):
         "st.session_state['my_file'] = File(st.session_state['given'])",
         "st.session_state.setdefault('my_error', None)",
         "form._uploaded()", "st.text(st.session_state['my_error'] or 'taken')",
-        "from spab_core.ui.view import chosen_design", "from spab_core.design import design_toml",
+        "from spab_core.ui.view import chosen_design", "from spab_core.design.model import design_toml",
         "st.code(design_toml(chosen_design()))"])
     at = AppTest.from_string(script)
     at.session_state["given"] = data

@@ -5,8 +5,8 @@ import json
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from spab_core.jobs import list_jobs, submit
-from spab_core.presets import PRESETS
+from spab_core.design.presets import PRESETS
+from spab_core.jobs.store import list_jobs, submit
 from tests.app.conftest import until_done
 from tests.conftest import ROOT
 

@@ -10,12 +10,13 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from spab_core import solve_point
-from spab_core.cli import main
-from spab_core.cost import expected_seconds
-from spab_core.design import design_toml
-from spab_core.form import FIELDS
-from spab_core.point_file import load_point
-from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, Settings
+from spab_core.cli.main import main
+from spab_core.design.form import FIELDS
+from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.design.model import design_toml
+from spab_core.trajectory.expected_time import expected_seconds
+from spab_core.trajectory.point_file import load_point
+from spab_core.trajectory.settings import Settings
 from spab_core.ui import point as ui
 from spab_core.ui.view import POINT_TABS
 from tests.conftest import ROOT

@@ -10,11 +10,12 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 from streamlit.testing.v1 import AppTest
 
-from spab_core import artifacts, learning_curve
-from spab_core.artifacts import REFINED, write_manifest
-from spab_core.figures_surrogates import REFINE_LAYERS
-from spab_core.oracles import map_oracle
-from spab_core.refine import refine, save_refinement
+from spab_core.active_learning import learning_curve
+from spab_core.active_learning.oracles import map_oracle
+from spab_core.active_learning.refine import refine, save_refinement
+from spab_core.plotting.surrogates import REFINE_LAYERS
+from spab_core.shipped import manifest as artifacts
+from spab_core.shipped.manifest import REFINED, write_manifest
 from spab_core.ui import shared
 from tests.conftest import ROOT
 from tests.unit.test_learning_curve import made_up

@@ -12,14 +12,15 @@ import streamlit as st
 from scipy.ndimage import minimum_filter
 from streamlit.testing.v1 import AppTest
 
-from spab_core import artifacts, pretrained
-from spab_core.artifacts import REFERENCE_MAP, SCORES, load_reference_map, write_manifest
-from spab_core.evaluation import evaluate
-from spab_core.figures import CHOSEN
-from spab_core.jobs import cancel, list_jobs
-from spab_core.release import rebuild
-from spab_core.stability_map import FIELDS, load_map, save_map
-from spab_core.surrogates import DIVISORS, MODELS
+from spab_core.jobs.store import cancel, list_jobs
+from spab_core.maps.stability_map import FIELDS, load_map, save_map
+from spab_core.plotting.theme import CHOSEN
+from spab_core.shipped import manifest as artifacts
+from spab_core.shipped import model_store as pretrained
+from spab_core.shipped.build import rebuild
+from spab_core.shipped.manifest import REFERENCE_MAP, SCORES, load_reference_map, write_manifest
+from spab_core.surrogates.metrics import evaluate
+from spab_core.surrogates.models import DIVISORS, MODELS
 from spab_core.ui import shared
 from tests.app.conftest import until_done
 from tests.conftest import ROOT

@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as strings
 from streamlit.testing.v1 import AppTest
 
-from spab_core.design import InputError, reference_design
+from spab_core.common.errors import InputError
+from spab_core.design.model import reference_design
 from spab_core.ui.view import VIEW
 from tests.app.conftest import address
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from spab_core.artifacts import load_reference_map
+from spab_core.shipped.manifest import load_reference_map
 from tests.conftest import ROOT
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]

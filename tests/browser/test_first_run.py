@@ -5,8 +5,8 @@ from unittest.mock import patch
 
 import pytest
 
-from spab_core import compiling
-from spab_core.artifacts import load_reference_map
+from spab_core.shipped.manifest import load_reference_map
+from spab_core.trajectory import compiling
 from tests.browser.test_click import OUTPUT, _pictures
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from spab_core.artifacts import load_reference_map
-from spab_core.pretrained import load_shipped_map
-from spab_core.surrogates import MODELS
+from spab_core.shipped.manifest import load_reference_map
+from spab_core.shipped.model_store import load_shipped_map
+from spab_core.surrogates.models import MODELS
 from tests.conftest import ROOT
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]

@@ -5,7 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from spab_core.coefficients import (
+from spab_core.common.errors import DesignError, InputError
+from spab_core.design.presets import preset
+from spab_core.linear_theory.coefficients import (
     LEAST_STABLE,
     NAMES,
     coefficients,
@@ -13,12 +15,11 @@ from spab_core.coefficients import (
     impedance,
     least_stable_whirl,
 )
-from spab_core.design import DesignError, InputError
-from spab_core.film import Mesh, build_film, film_index, film_size
-from spab_core.kernels import build_work, slope
-from spab_core.presets import preset
-from spab_core.rotor import build_rotor
-from spab_core.stability import concentric_stiffness, linear_spectrum, whirl_thresholds
+from spab_core.linear_theory.equilibrium import concentric_stiffness
+from spab_core.linear_theory.whirl import linear_spectrum, whirl_thresholds
+from spab_core.solver.film import Mesh, build_film, film_index, film_size
+from spab_core.solver.rotor import build_rotor
+from spab_core.solver.slope import build_work, slope
 from tests.conftest import fed_design
 
 MESH = Mesh(3, 24)

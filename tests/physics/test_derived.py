@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
 
-from spab_core.derived import NO_EQUILIBRIUM, derive
-from spab_core.design import DesignError
-from spab_core.film import Mesh
-from spab_core.presets import PRESETS, preset
-from spab_core.stability import concentric_stiffness, linear_spectrum, static_equilibrium
+from spab_core.common.errors import DesignError
+from spab_core.design.presets import PRESETS, preset
+from spab_core.linear_theory.equilibrium import concentric_stiffness, static_equilibrium
+from spab_core.linear_theory.summary import NO_EQUILIBRIUM, derive
+from spab_core.linear_theory.whirl import linear_spectrum
+from spab_core.solver.film import Mesh
 from tests.conftest import fed_design
 
 MESH = Mesh(4, 24)

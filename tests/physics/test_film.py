@@ -8,10 +8,10 @@ import math
 import numpy as np
 import pytest
 
-from spab_core.film import DEFAULT_MESH, Mesh, build_film, film_array, film_fluxes, film_index, film_size, gas_content
-from spab_core.kernels import build_work, slope
-from spab_core.rotor import build_rotor
-from spab_core.stability import concentric_stiffness, static_equilibrium
+from spab_core.linear_theory.equilibrium import concentric_stiffness, static_equilibrium
+from spab_core.solver.film import DEFAULT_MESH, Mesh, build_film, film_array, film_fluxes, film_index, film_size, gas_content
+from spab_core.solver.rotor import build_rotor
+from spab_core.solver.slope import build_work, slope
 from tests.conftest import fed_design
 
 TABLE = [  # edge latitude, P_s, beta, Lambda, K_xx, K_yx

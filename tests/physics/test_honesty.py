@@ -13,12 +13,14 @@ import numpy as np
 import pytest
 
 from spab_core import Settings, solve_point
-from spab_core.coefficients import impedance, least_stable_whirl
-from spab_core.design import Design, DesignError
-from spab_core.film import Mesh
-from spab_core.integrate import DEFAULT_TOLERANCE, STATUS
-from spab_core.presets import PRESETS, preset
-from spab_core.simulate import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, THIN
+from spab_core.common.errors import DesignError
+from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.design.model import Design
+from spab_core.design.presets import PRESETS, preset
+from spab_core.linear_theory.coefficients import impedance, least_stable_whirl
+from spab_core.solver.film import Mesh
+from spab_core.solver.stepping import DEFAULT_TOLERANCE, STATUS
+from spab_core.trajectory.run import THIN
 from tests.conftest import ROOT
 
 _spec = importlib.util.spec_from_file_location("honesty", ROOT / "benchmarks" / "honesty.py")

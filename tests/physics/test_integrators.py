@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from spab_core.film import Mesh
-from spab_core.kernels import slope, slope_tangent
+from spab_core.solver.film import Mesh
+from spab_core.solver.slope import slope, slope_tangent
 
 POINTS = {"periodic": (7.0, 6.0), "torus": (2.0, 5.0), "chaotic": (18.0, 4.5)}
 SETTLE = 40

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from numba import njit
 
-from spab_core.integrate import Memory, Options, advance, bind, build_record
-from spab_core.lyapunov import exponent
+from spab_core.solver.stepping import Memory, Options, advance, bind, build_record
+from spab_core.trajectory.lyapunov import exponent
 
 SIZE = 8  # states are padded to whole registers; the rest stays zero
 N = 3  # unknowns of the systems here, the last without any slope where there are two

@@ -9,9 +9,9 @@ import dataclasses
 
 import pytest
 
-from spab_core.film import Mesh
-from spab_core.point import solve_point
-from spab_core.simulate import Settings
+from spab_core.solver.film import Mesh
+from spab_core.trajectory.point import solve_point
+from spab_core.trajectory.settings import Settings
 
 TABLE = [  # kg, Lambda, regime, MLE per revolution, its band, contact
     (4.52, 1.5, "periodic-1", -0.050, 0.004, False),

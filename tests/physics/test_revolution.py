@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from spab_core import Settings, solve_point
-from spab_core.design import DesignError
-from spab_core.film import film_size
-from spab_core.kernels import build_work, slope
-from spab_core.revolution import FORCES, forces, integrate_revolution, run_up, surface
-from spab_core.rotor import build_rotor
+from spab_core.common.errors import DesignError
+from spab_core.solver.film import film_size
+from spab_core.solver.rotor import build_rotor
+from spab_core.solver.slope import build_work, slope
+from spab_core.trajectory.revolution import FORCES, forces, integrate_revolution, run_up, surface
 
 POINTS = {"periodic": (7.0, 6.0), "chaotic, in contact": (18.0, 4.5)}
 COARSE = Settings("3x24", transient=40, revolutions=40)

@@ -13,11 +13,11 @@ import sys
 import numpy as np
 import pytest
 
-from spab_core.coefficient_table import coefficient_table, save_table
-from spab_core.coefficients import LEAST_STABLE, coefficients_over_speed
-from spab_core.film import Mesh
-from spab_core.presets import preset
-from spab_core.stability import whirl_thresholds
+from spab_core.design.presets import preset
+from spab_core.linear_theory.coefficients import LEAST_STABLE, coefficients_over_speed
+from spab_core.linear_theory.ross_table import coefficient_table, save_table
+from spab_core.linear_theory.whirl import whirl_thresholds
+from spab_core.solver.film import Mesh
 
 MESH = Mesh(3, 24)
 RIGID = 1e12  # N/m, a shaft that does not bend

@@ -10,12 +10,12 @@ import math
 import numpy as np
 import pytest
 
-from spab_core.artifacts import load_reference_map
-from spab_core.film import Mesh
-from spab_core.integrate import REVOLUTION, Options, advance, build_memory, build_record
-from spab_core.point import solve_point
-from spab_core.simulate import Settings
-from spab_core.stability import linear_spectrum
+from spab_core.linear_theory.whirl import linear_spectrum
+from spab_core.shipped.manifest import load_reference_map
+from spab_core.solver.film import Mesh
+from spab_core.solver.stepping import REVOLUTION, Options, advance, build_memory, build_record
+from spab_core.trajectory.point import solve_point
+from spab_core.trajectory.settings import Settings
 
 TINY = Mesh(3, 16)
 

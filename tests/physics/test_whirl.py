@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from spab_core.film import Mesh, build_film, film_array, film_force
-from spab_core.lyapunov import exponent
-from spab_core.rotor import build_rotor, contact_force
-from spab_core.stability import concentric_stiffness, linear_spectrum, static_equilibrium, whirl_thresholds
+from spab_core.linear_theory.equilibrium import concentric_stiffness, static_equilibrium
+from spab_core.linear_theory.whirl import linear_spectrum, whirl_thresholds
+from spab_core.solver.film import Mesh, build_film, film_array, film_force
+from spab_core.solver.rotor import build_rotor, contact_force
+from spab_core.trajectory.lyapunov import exponent
 from tests.conftest import Run, fed_design
 
 MESH = Mesh(3, 24)

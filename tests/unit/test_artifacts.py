@@ -7,11 +7,11 @@ import shutil
 import numpy as np
 import pytest
 
-from spab_core.artifacts import ARTIFACTS, REFERENCE_MAP, ArtifactError, checked_path, load_reference_map, write_manifest
-from spab_core.design import reference_design
-from spab_core.point import solve_point
-from spab_core.simulate import Settings
-from spab_core.stability_map import MapError, load_map
+from spab_core.design.model import reference_design
+from spab_core.maps.stability_map import MapError, load_map
+from spab_core.shipped.manifest import ARTIFACTS, REFERENCE_MAP, ArtifactError, checked_path, load_reference_map, write_manifest
+from spab_core.trajectory.point import solve_point
+from spab_core.trajectory.settings import Settings
 
 
 def test_every_shipped_file_is_in_the_manifest():

@@ -6,8 +6,12 @@ import json
 import numpy as np
 import pytest
 
-from spab_core import Settings, bifurcation, solve_point
-from spab_core.bifurcation import (
+from spab_core import Settings, solve_point
+from spab_core.cli.main import main
+from spab_core.common.errors import InputError
+from spab_core.design.model import Design
+from spab_core.maps import bifurcation
+from spab_core.maps.bifurcation import (
     SECTION_POINTS,
     chaotic_intervals,
     compute_bifurcation,
@@ -17,8 +21,6 @@ from spab_core.bifurcation import (
     load_bifurcation,
     save_bifurcation,
 )
-from spab_core.cli import main
-from spab_core.design import Design, InputError
 from tests.unit.test_surrogates import map_of
 
 SHORT = Settings(mesh="3x24", transient=40, revolutions=60)

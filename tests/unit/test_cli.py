@@ -13,10 +13,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from spab_core import map_engine
-from spab_core.cli import main
-from spab_core.design import design_toml, reference_design
-from spab_core.stability_map import load_map
+from spab_core.cli.main import main
+from spab_core.design.model import design_toml, reference_design
+from spab_core.maps import compute as map_engine
+from spab_core.maps.stability_map import load_map
 
 SHORT = ["--mesh", "3x24", "--transient", "10", "--revolutions", "30"]
 
@@ -102,7 +102,7 @@ def test_map_cell_is_the_point_alone(capsys, tmp_path):
 
 @pytest.mark.slow
 def test_a_killed_map_goes_on_from_its_chunks(tmp_path):
-    command = [sys.executable, "-m", "spab_core.cli", "map", "--bearing-number", "2:4:20", "--rotor-mass", "3:9:10",
+    command = [sys.executable, "-m", "spab_core.cli.main", "map", "--bearing-number", "2:4:20", "--rotor-mass", "3:9:10",
                "--out", str(tmp_path / "k.npz"), *SHORT]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
     parts = tmp_path / "k.npz.parts"

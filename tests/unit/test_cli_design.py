@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from spab_core.cli import main
-from spab_core.coefficients import NAMES, coefficients, impedance
-from spab_core.derived import derive
-from spab_core.design import load_design, reference_design, save_design
-from spab_core.film import Mesh
-from spab_core.presets import PRESETS, preset
+from spab_core.cli.main import main
+from spab_core.design.model import load_design, reference_design, save_design
+from spab_core.design.presets import PRESETS, preset
+from spab_core.linear_theory.coefficients import NAMES, coefficients, impedance
+from spab_core.linear_theory.summary import derive
+from spab_core.solver.film import Mesh
 from tests.unit.test_cli import answer, refused
 
 MESH = ["--mesh", "3x24"]

@@ -8,10 +8,10 @@ import pandas as pd
 import pytest
 from scipy.io import netcdf_file
 
-from spab_core.artifacts import ARTIFACTS, REFERENCE_MAP, load_reference_map
-from spab_core.cli import main
-from spab_core.margin import margin
-from spab_core.stability_map import save_map
+from spab_core.cli.main import main
+from spab_core.maps.margin import margin
+from spab_core.maps.stability_map import save_map
+from spab_core.shipped.manifest import ARTIFACTS, REFERENCE_MAP, load_reference_map
 from tests.unit.test_cli import answer, refused
 from tests.unit.test_margin import map_of
 

@@ -11,13 +11,15 @@ import joblib
 import numpy as np
 import pytest
 
-from spab_core import cli_surrogates, release
-from spab_core.artifacts import ARTIFACTS, PREDICTIONS, REFERENCE_MAP, SCORES, load_reference_map, sha256, write_manifest
-from spab_core.cli import main
-from spab_core.pretrained import predictions
-from spab_core.release import MAX_FOLDER_BYTES, _choose, rebuild, verify
-from spab_core.stability_map import FIELDS, save_map
-from spab_core.surrogates import DIVISORS, MODELS, Surrogate
+from spab_core.cli import surrogates as cli_surrogates
+from spab_core.cli.main import main
+from spab_core.maps.stability_map import FIELDS, save_map
+from spab_core.shipped import build as release
+from spab_core.shipped.build import MAX_FOLDER_BYTES, _choose, rebuild
+from spab_core.shipped.manifest import ARTIFACTS, PREDICTIONS, REFERENCE_MAP, SCORES, load_reference_map, sha256, write_manifest
+from spab_core.shipped.model_store import predictions
+from spab_core.shipped.verify import verify
+from spab_core.surrogates.models import DIVISORS, MODELS, Surrogate
 from tests.conftest import ROOT
 from tests.unit.test_surrogates import map_of
 
@@ -64,9 +66,9 @@ def test_rebuilding_gives_the_same_bytes(tmp_path, map_file):
     """On one process and on two, with other string hashes and threads; in new interpreters, as the command does it: a pickle's
     bytes also tell which equal objects are one, and that another model was opened before."""
     names, sums = ("tree", "svr", "mlp", "forest", "boosting", "linear"), []
-    code = ("import sys; from pathlib import Path; from spab_core import release; from spab_core.release import rebuild\n"
+    code = ("import sys; from pathlib import Path; from spab_core import release; from spab_core.shipped.build import rebuild\n"
             "release.TABLES = {release.SCORES: release.TABLES[release.SCORES]}\n"
-            "from spab_core.stability_map import load_map; from spab_core.surrogates import MODELS\n"
+            "from spab_core.maps.stability_map import load_map; from spab_core.surrogates.models import MODELS\n"
             f"rebuild(load_map(sys.argv[1]), Path(sys.argv[2]), models=[MODELS[k] for k in {names}], divisors=(4,), "
             "seeds=(0, 1), workers=int(sys.argv[3]))")
     for k in range(2):

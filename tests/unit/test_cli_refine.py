@@ -7,10 +7,12 @@ import types
 import numpy as np
 import pytest
 
-from spab_core import cli_refine, features, save_design
-from spab_core.cli import main
-from spab_core.refine import load_refinement
-from spab_core.stability_map import load_map, save_map
+from spab_core import save_design
+from spab_core.active_learning.refine import load_refinement
+from spab_core.cli import refine as cli_refine
+from spab_core.cli.main import main
+from spab_core.linear_theory import linear_table as features
+from spab_core.maps.stability_map import load_map, save_map
 from tests.unit.test_surrogates import map_of, with_hole
 
 LIVE = ["refine", "--bearing-number", "2:4:5", "--rotor-mass", "3:9:6", "--mesh", "6x24", "--transient", "10",
@@ -134,7 +136,7 @@ def test_a_cluster_solves_the_same_cells(capsys, tmp_path, monkeypatch):
         assert main([*LIVE, "--out", str(tmp_path / "there.npz"), "--dask", cluster.scheduler_address]) == 0
     here, there = load_refinement(tmp_path / "here.npz"), load_refinement(tmp_path / "there.npz")
     assert np.array_equal(here.batch, there.batch) and np.array_equal(here.mle, there.mle)
-    monkeypatch.setattr("spab_core.map_engine.CLUSTER_SECONDS", 1)
+    monkeypatch.setattr("spab_core.maps.parallel.CLUSTER_SECONDS", 1)
     capsys.readouterr()
     assert main([*LIVE, "--out", str(tmp_path / "nowhere.npz"), "--dask", "tcp://127.0.0.1:9"]) == 2
     error = capsys.readouterr().err

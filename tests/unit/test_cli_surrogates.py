@@ -6,8 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from spab_core.cli import main
-from spab_core.stability_map import save_map
+from spab_core.cli.main import main
+from spab_core.maps.stability_map import save_map
 from tests.unit.test_surrogates import map_of
 
 

@@ -11,8 +11,9 @@ import filelock
 import numba
 import pytest
 
-from spab_core import _kernel_cache, compiling
-from spab_core.integrate import advance
+from spab_core.solver import cache as _kernel_cache
+from spab_core.solver.stepping import advance
+from spab_core.trajectory import compiling
 from tests.conftest import ROOT
 
 
@@ -35,7 +36,7 @@ def until_ended():
 
 def test_kernels_are_kept_for_one_processor(monkeypatch):
     """Those that another processor has left in a shared folder do not count."""
-    program = ("from spab_core.compiling import compile_once, is_compiled, is_linear_compiled\n"
+    program = ("from spab_core.trajectory.compiling import compile_once, is_compiled, is_linear_compiled\n"
                "print(is_compiled(), is_linear_compiled())")
 
     def told(**changes):
@@ -80,7 +81,7 @@ def test_one_process_is_started_in_the_same_folder_and_its_end_is_seen(empty, mo
     compiling.start()
     compiling.start()
     (command, env), = started
-    assert command[1:4] == ["-P", "-m", "spab_core.compiling"] and command[4] == str(os.getpid())
+    assert command[1:4] == ["-P", "-m", "spab_core.trajectory.compiling"] and command[4] == str(os.getpid())
     assert env["NUMBA_CACHE_DIR"] == str(empty.parent)
     assert 0.0 <= compiling.seconds_so_far() < 60.0 and compiling.failure() == ""
     until_ended()

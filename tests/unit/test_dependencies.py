@@ -39,7 +39,7 @@ def undeclared(found, *groups):
 def test_what_the_library_and_the_pages_import_is_declared():
     found = imported("*.py", "pages/*.py", "spab_core/**/*.py")
     assert {"numpy", "streamlit", "sklearn", "PIL", "distributed"} <= set(found)
-    assert undeclared(found, PROJECT["dependencies"]) == {"distributed": "spab_core/map_engine.py"}  # said there
+    assert undeclared(found, PROJECT["dependencies"]) == {"distributed": "spab_core/maps/compute.py"}  # said there
     assert not undeclared(found, PROJECT["dependencies"], EXTRAS["dask"])
 
 

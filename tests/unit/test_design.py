@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from spab_core.design import (
+from spab_core.common.errors import DesignError
+from spab_core.design.model import (
     MAX_FEEDING_NUMBER,
     Bearing,
     Contact,
     Design,
-    DesignError,
     Gas,
     Rotor,
     design_toml,
@@ -21,7 +21,7 @@ from spab_core.design import (
     reference_design,
     save_design,
 )
-from spab_core.film import parse_mesh
+from spab_core.solver.film import parse_mesh
 
 
 def test_reference_design_is_the_default_and_has_the_settled_values():

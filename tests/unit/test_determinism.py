@@ -11,9 +11,9 @@ import zipfile
 import numpy as np
 import pytest
 
-from spab_core.cli import main
-from spab_core.jobs import find, submit
-from spab_core.simulate import Settings
+from spab_core.cli.main import main
+from spab_core.jobs.store import find, submit
+from spab_core.trajectory.settings import Settings
 
 TINY = {"mesh": "2x16", "transient": 20, "revolutions": 20}
 OPTIONS = ["--mesh", "2x16", "--transient", "20", "--revolutions", "20"]

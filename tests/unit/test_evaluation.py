@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from spab_core.evaluation import evaluate, is_tie, mae, ranking, rmse, score, spread, suggestion, table
-from spab_core.surrogates import model
+from spab_core.surrogates.metrics import evaluate, mae, rmse, score
+from spab_core.surrogates.models import model
+from spab_core.surrogates.ranking import is_tie, ranking, spread, suggestion, table
 from tests.unit.test_surrogates import map_of, with_hole
 
 VALUES = arrays(float, 7, elements=st.integers(-10**6, 10**6).map(lambda k: k / 1024.0))

@@ -8,9 +8,10 @@ import plotly.graph_objects as go
 import pytest
 from scipy.io import netcdf_file
 
-from spab_core.artifacts import load_reference_map
-from spab_core.design import InputError
-from spab_core.export import browser_path, csv_bytes, figure_html, figure_png, map_netcdf, map_table
+from spab_core.common.errors import InputError
+from spab_core.common.files import csv_bytes
+from spab_core.reporting.export import browser_path, figure_html, figure_png, map_netcdf, map_table
+from spab_core.shipped.manifest import load_reference_map
 
 
 @pytest.fixture(scope="module")

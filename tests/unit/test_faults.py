@@ -16,13 +16,14 @@ import numba
 import pytest
 
 from benchmarks.faults import run
-from spab_core import _kernel_cache, jobs
-from spab_core.artifacts import ARTIFACTS
-from spab_core.cli import main
-from spab_core.design import write_atomically
-from spab_core.job_kinds import KINDS
-from spab_core.map_engine import locked
-from spab_core.stability_map import MapError, load_map
+from spab_core.cli.main import main
+from spab_core.common.files import write_atomically
+from spab_core.jobs import store as jobs
+from spab_core.jobs.kinds import KINDS
+from spab_core.maps.checkpoints import locked
+from spab_core.maps.stability_map import MapError, load_map
+from spab_core.shipped.manifest import ARTIFACTS
+from spab_core.solver import cache as _kernel_cache
 from tests.conftest import ROOT
 
 OPTIONS = ["--mesh", "2x16", "--transient", "20", "--revolutions", "20"]
@@ -90,7 +91,7 @@ def test_a_disk_that_fills_up_is_a_sentence_and_what_is_finished_is_kept(allowed
 def test_a_file_too_large_for_the_disk_leaves_the_old_one(tmp_path):
     """A limit of the system's own, in a process of its own."""
     write_atomically(tmp_path / "x", b"old")
-    program = ("import resource, sys; from spab_core.design import write_atomically\n"
+    program = ("import resource, sys; from spab_core.common.files import write_atomically\n"
                "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
                "try: write_atomically(sys.argv[1], bytes(5000))\n"
                "except OSError as error: print(error.strerror)")
@@ -151,14 +152,14 @@ def test_a_kill_between_result_and_end_loses_nothing(queued, monkeypatch):
     assert job.state == "failed" and job.message == f"{jobs.STOPPED}; start it again to go on"
     written = job.result.stat().st_mtime_ns
     start_again(queued)
-    monkeypatch.setattr("spab_core.job_kinds.compute_bifurcation", None)  # it must not be asked again
+    monkeypatch.setattr("spab_core.jobs.kinds.compute_bifurcation", None)  # it must not be asked again
     assert work_here(queued) == 0
     assert jobs.find(queued).state == "done" and job.result.stat().st_mtime_ns == written
 
 
 def test_what_a_killed_writer_left_is_removed_by_who_goes_on(tmp_path):
     out = tmp_path / "m.npz"
-    program = ("import os, signal, sys; from spab_core.cli import main\n"
+    program = ("import os, signal, sys; from spab_core.cli.main import main\n"
                "real, count = os.fsync, 0\n"
                "def fsync(handle):\n"
                "    global count; count += 1\n"
@@ -267,7 +268,7 @@ def test_a_worker_process_ends_with_the_one_that_started_it():
     """Killed, the parent can tell its processes nothing."""
     program = ("import os, time\n"
                "from joblib.externals.loky import ProcessPoolExecutor\n"
-               "from spab_core.map_engine import end_with_parent\n"
+               "from spab_core.common.processes import end_with_parent\n"
                "e = ProcessPoolExecutor(max_workers=1, initializer=end_with_parent, initargs=(os.getpid(),))\n"
                "print(e.submit(os.getpid).result(), flush=True)\n"
                "time.sleep(100)\n")
@@ -300,8 +301,8 @@ def test_two_processes_do_one_job_once(root):
 READ_ONLY = """
 import contextlib, io, json, sys
 from streamlit.testing.v1 import AppTest
-from spab_core import artifacts
-from spab_core.cli import main
+from spab_core.shipped import manifest as artifacts
+from spab_core.cli.main import main
 try:
     (artifacts.ARTIFACTS / "x").touch()
     raise SystemExit("it can be written")

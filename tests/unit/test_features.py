@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from spab_core.artifacts import load_reference_map
-from spab_core.design import InputError, reference_design
-from spab_core.features import (
+from spab_core.common.errors import InputError
+from spab_core.design.model import reference_design
+from spab_core.linear_theory.linear_table import (
     FEATURES,
     MESH,
     PLANE,
@@ -19,7 +19,8 @@ from spab_core.features import (
     shipped_table,
     table_for,
 )
-from spab_core.stability import linear_spectrum
+from spab_core.linear_theory.whirl import linear_spectrum
+from spab_core.shipped.manifest import load_reference_map
 
 
 @pytest.mark.parametrize("number, mass", [(0.05, 5.0), (0.12, 20.0), (0.7, 9.3), (3.0, 2.1), (8.5, 25.0)])
@@ -55,7 +56,7 @@ def test_a_table_of_another_design(tmp_path):
 
 def test_the_shipped_table_is_used_where_it_fits(monkeypatch):
     made = []
-    monkeypatch.setattr("spab_core.features.linear_table", lambda *asked: made.append(asked) or shipped_table())
+    monkeypatch.setattr("spab_core.linear_theory.linear_table.linear_table", lambda *asked: made.append(asked) or shipped_table())
     table_for.cache_clear()
     assert table_for(reference_design()) is shipped_table() and not made
     table_for(reference_design(), ((1.0, 12.0), (0.5, 5.0)))

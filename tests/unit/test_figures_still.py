@@ -1,4 +1,4 @@
-"""The plain pictures of map and orbits (spab_core/figures_still.py) show what the Plotly figures show, where they show it."""
+"""The plain pictures of map and orbits (spab_core/plotting/still.py) show what the Plotly figures show, where they show it."""
 
 import base64
 import io
@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from PIL import Image
 from plotly.colors import sample_colorscale, unlabel_rgb
 
-from spab_core.figures_map import LAYERS, map_figure
-from spab_core.figures_still import orbit_still, still, ticks
-from spab_core.surrogates import linear_table_of
+from spab_core.plotting.map import LAYERS, map_figure
+from spab_core.plotting.still import orbit_still, still, ticks
+from spab_core.surrogates.models import linear_table_of
 from tests.unit.test_surrogates import map_of, plane, with_hole
 
 

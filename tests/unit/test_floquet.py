@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from spab_core.floquet import PUSH, find_settled, is_near, leading_rate, mismatch, push, window
+from spab_core.trajectory.periodic_orbit import PUSH, find_settled, is_near, leading_rate, mismatch, push, window
 
 
 def tangents(monodromy, count, period=1):

@@ -6,12 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from spab_core.artifacts import load_reference_map
-from spab_core.design import InputError
-from spab_core.evaluation import ranking, score, suggestion
-from spab_core.export import csv_bytes, map_table
-from spab_core.foreign import MIN_ROWS, Samples, rank_samples, read_samples
-from spab_core.surrogates import MODELS
+from spab_core.common.errors import InputError
+from spab_core.common.files import csv_bytes
+from spab_core.reporting.export import map_table
+from spab_core.shipped.manifest import load_reference_map
+from spab_core.surrogates.metrics import score
+from spab_core.surrogates.models import MODELS
+from spab_core.surrogates.ranking import ranking, suggestion
+from spab_core.surrogates.user_data import MIN_ROWS, Samples, rank_samples, read_samples
 
 
 def grid(n=10, **columns):

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from spab_core.design import Design, DesignError, InputError, design_toml, load_design, read_design_bytes, reference_design
-from spab_core.form import (
+from spab_core.common.errors import DesignError, InputError
+from spab_core.design.form import (
     FIELDS,
     GROUPS,
     bearing_number_of,
@@ -17,9 +17,10 @@ from spab_core.form import (
     grade_of_eccentricity,
     to_form,
 )
-from spab_core.presets import PRESETS, preset
-from spab_core.simulate import BEARING_NUMBER_RANGE
-from spab_core.stability import static_equilibrium
+from spab_core.design.limits import BEARING_NUMBER_RANGE
+from spab_core.design.model import Design, design_toml, load_design, read_design_bytes, reference_design
+from spab_core.design.presets import PRESETS, preset
+from spab_core.linear_theory.equilibrium import static_equilibrium
 from tests.unit.test_design import designs
 
 

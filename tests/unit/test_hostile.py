@@ -18,20 +18,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from joblib.externals.loky import cpu_count
 
-from spab_core import jobs
-from spab_core.artifacts import load_reference_map
-from spab_core.cli import _build_parser, main
-from spab_core.design import (
-    MAX_DESIGN_BYTES,
-    InputError,
-    design_toml,
-    load_design,
-    parse_design,
-    read_design_bytes,
-    reference_design,
-)
-from spab_core.npz import MAX_BYTES, UNREADABLE, npz_bytes, open_npz
-from spab_core.stability_map import FIELDS, StabilityMap, load_map, save_map
+from spab_core.cli.main import _build_parser, main
+from spab_core.common.errors import InputError
+from spab_core.common.npz import MAX_BYTES, UNREADABLE, npz_bytes, open_npz
+from spab_core.design.model import MAX_DESIGN_BYTES, design_toml, load_design, parse_design, read_design_bytes, reference_design
+from spab_core.jobs import store as jobs
+from spab_core.maps.stability_map import FIELDS, StabilityMap, load_map, save_map
+from spab_core.shipped.manifest import load_reference_map
 from tests.conftest import ROOT
 
 NUMBERS = ["nan", "inf", "-inf", "-1", "0", "1e999", "-0.0", "9" * 400, "1e-320", "", "0x10", "1_000_000_000_000", "٣", "ten"]
@@ -273,7 +266,7 @@ def test_a_map_of_a_billion_cells_is_a_sentence(argv, tmp_path, monkeypatch, cap
 
 
 def test_a_csv_of_very_many_rows_is_a_sentence():
-    from spab_core.foreign import MAX_BYTES, read_samples
+    from spab_core.surrogates.user_data import MAX_BYTES, read_samples
     with pytest.raises(InputError, match="200,000 rows"):
         read_samples(b"bearing_number,rotor_mass,mle\n" + b"1,2,3\n" * 300_000)
     with pytest.raises(InputError, match=f"at most {MAX_BYTES:,}"):

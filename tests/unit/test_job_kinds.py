@@ -7,16 +7,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from spab_core.design import InputError
-from spab_core.foreign import Samples, rank_samples, samples_bytes
-from spab_core.job_kinds import KINDS, SAMPLES
-from spab_core.jobs import cancel, submit
-from spab_core.point import solve_point
-from spab_core.quick_map import quick_map
-from spab_core.refine import MIN_START, load_refinement
-from spab_core.simulate import Settings
-from spab_core.surrogates import MODELS
-from spab_core.what_if import load_sensitivity, sensitivity
+from spab_core.active_learning.quick_map import quick_map
+from spab_core.active_learning.refine import MIN_START, load_refinement
+from spab_core.common.errors import InputError
+from spab_core.jobs.kinds import KINDS, SAMPLES
+from spab_core.jobs.store import cancel, submit
+from spab_core.maps.sensitivity import load_sensitivity, sensitivity
+from spab_core.surrogates.models import MODELS
+from spab_core.surrogates.user_data import Samples, rank_samples, samples_bytes
+from spab_core.trajectory.point import solve_point
+from spab_core.trajectory.settings import Settings
 from tests.unit.test_jobs import root, until  # noqa: F401  (root is a fixture)
 
 QUICK = {"mesh": "2x16", "transient": 40, "revolutions": 30}

@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from spab_core import jobs
-from spab_core.bifurcation import compute_bifurcation, load_bifurcation
-from spab_core.cli import main
-from spab_core.design import InputError
-from spab_core.job_kinds import KINDS
-from spab_core.jobs import JobError, cancel, delete, find, job_id, list_jobs, submit
-from spab_core.point import solve_point
-from spab_core.point_file import load_point, save_point
-from spab_core.simulate import Settings
-from spab_core.stability_map import axis
+from spab_core.cli.main import main
+from spab_core.common.errors import InputError
+from spab_core.jobs import store as jobs
+from spab_core.jobs.kinds import KINDS
+from spab_core.jobs.store import JobError, cancel, delete, find, job_id, list_jobs, submit
+from spab_core.maps.bifurcation import compute_bifurcation, load_bifurcation
+from spab_core.maps.stability_map import axis
+from spab_core.trajectory.point import solve_point
+from spab_core.trajectory.point_file import load_point, save_point
+from spab_core.trajectory.settings import Settings
 
 TINY = {"mesh": "2x16", "transient": 20, "revolutions": 20}
 LINE = {"vary": "rotor-mass", "at": 3.0, "range": "4:6:3", "sweeps": ["cold"], "settings": TINY}

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from spab_core.film import Mesh, build_film, film_array, film_force, film_index, film_size, film_slope
-from spab_core.kernels import add_curvature, build_work, prepare_curvature, slope, slope_tangent, time_slope
-from spab_core.linear import linearise, solve
-from spab_core.rotor import build_rotor, rotor_slope
+from spab_core.solver.curvature import add_curvature, prepare_curvature
+from spab_core.solver.film import Mesh, build_film, film_array, film_force, film_index, film_size, film_slope
+from spab_core.solver.linear_solve import linearise, solve
+from spab_core.solver.rotor import build_rotor, rotor_slope
+from spab_core.solver.slope import build_work, slope, slope_tangent, time_slope
 
 EPS = np.finfo(float).eps
 

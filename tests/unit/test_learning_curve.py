@@ -6,10 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from spab_core.artifacts import load_reference_map
-from spab_core.design import InputError
-from spab_core.figures_surrogates import learning_curve_figure
-from spab_core.learning_curve import (
+from spab_core.active_learning.learning_curve import (
     COLUMNS,
     COMMITTEE,
     DIVISORS,
@@ -19,7 +16,10 @@ from spab_core.learning_curve import (
     load_learning_curve,
     summary,
 )
-from spab_core.stability_map import FIELDS
+from spab_core.common.errors import InputError
+from spab_core.maps.stability_map import FIELDS
+from spab_core.plotting.surrogates import learning_curve_figure
+from spab_core.shipped.manifest import load_reference_map
 from tests.unit.test_surrogates import map_of
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from spab_core import Settings, reference_design, solve_point
-from spab_core.artifacts import ARTIFACTS, BIFURCATIONS, load_reference_bifurcation
-from spab_core.bifurcation import SWEEPS
-from spab_core.figures_lines import bifurcation_figure
+from spab_core.maps.bifurcation import SWEEPS
+from spab_core.plotting.lines import bifurcation_figure
+from spab_core.shipped.manifest import ARTIFACTS, BIFURCATIONS, load_reference_bifurcation
 
 
 @pytest.fixture(scope="module", params=BIFURCATIONS)

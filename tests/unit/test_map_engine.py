@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from spab_core import Settings
-from spab_core.cli import main
-from spab_core.design import InputError
-from spab_core.map_engine import compute_map, open_run
-from spab_core.stability_map import FIELDS, MapError
+from spab_core.cli.main import main
+from spab_core.common.errors import InputError
+from spab_core.maps.checkpoints import open_run
+from spab_core.maps.compute import compute_map
+from spab_core.maps.stability_map import FIELDS, MapError
 
 SHORT = Settings(mesh="3x24", transient=10, revolutions=30)
 NUMBERS, MASSES = np.linspace(2.0, 4.0, 10), np.linspace(3.0, 9.0, 20)  # eight chunks
@@ -64,7 +65,7 @@ def test_a_cluster_that_loses_a_worker_completes_with_the_same_bits(design, alon
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_that_does_not_answer_is_a_sentence(capsys, tmp_path, monkeypatch):
     pytest.importorskip("distributed", reason="the extra spab-core[dask] is not installed")
-    monkeypatch.setattr("spab_core.map_engine.CLUSTER_SECONDS", 1)
+    monkeypatch.setattr("spab_core.maps.parallel.CLUSTER_SECONDS", 1)
     for address in ("tcp://127.0.0.1:9", "nonsense", ""):
         code = main(["map", "--bearing-number", "2:4:2", "--rotor-mass", "3:9:2", "--out", str(tmp_path / "m.npz"), "--dask",
                      address])
@@ -97,7 +98,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(design, alone, tmp_path):
 
 
 def test_workers_with_another_solver_are_refused(design, monkeypatch):
-    monkeypatch.setattr("spab_core.map_engine.solver_hash", iter(["worker", "here"]).__next__)
+    monkeypatch.setattr("spab_core.maps.compute.solver_hash", iter(["worker", "here"]).__next__)
     with pytest.raises(InputError, match="another version"):
         compute_map(design, NUMBERS[:1], MASSES[:1], SHORT)
 

@@ -9,12 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from spab_core.artifacts import load_reference_map
-from spab_core.design import InputError, reference_design
-from spab_core.features import MESH, shipped_table
-from spab_core.margin import against_linear, critical_masses, margin
-from spab_core.stability import whirl_thresholds
-from spab_core.stability_map import MapError, StabilityMap
+from spab_core.common.errors import InputError
+from spab_core.design.model import reference_design
+from spab_core.linear_theory.linear_table import MESH, shipped_table
+from spab_core.linear_theory.whirl import whirl_thresholds
+from spab_core.maps.margin import against_linear, critical_masses, margin
+from spab_core.maps.stability_map import MapError, StabilityMap
+from spab_core.shipped.manifest import load_reference_map
 
 KINDS = [("periodic", 1, "ok"), ("periodic", 3, "ok"), ("quasi-periodic", 0, "ok"), ("chaotic", 0, "ok"), ("", 0, "touchdown")]
 

@@ -16,21 +16,23 @@ import joblib
 import numpy as np
 import pytest
 
-from spab_core import jobs, model_cache
-from spab_core.artifacts import ArtifactError, checked_bytes, load_reference_map, write_manifest
-from spab_core.bifurcation import load_bifurcation
-from spab_core.cli import main
-from spab_core.design import InputError, read_design_bytes
-from spab_core.foreign import load_samples, read_samples
-from spab_core.map_engine import read_part
-from spab_core.npz import UNREADABLE, open_npz
-from spab_core.point_file import load_point
-from spab_core.pretrained import find_model, load_shipped_map, model_file
-from spab_core.refine import load_refinement
-from spab_core.stability_map import FIELDS, load_map, map_bytes
-from spab_core.surrogates import model
-from spab_core.uncertainty import load_intervals
-from spab_core.what_if import load_sensitivity
+from spab_core.active_learning.refine import load_refinement
+from spab_core.cli.main import main
+from spab_core.common.errors import InputError
+from spab_core.common.npz import UNREADABLE, open_npz
+from spab_core.design.model import read_design_bytes
+from spab_core.jobs import store as jobs
+from spab_core.maps.bifurcation import load_bifurcation
+from spab_core.maps.checkpoints import read_part
+from spab_core.maps.sensitivity import load_sensitivity
+from spab_core.maps.stability_map import FIELDS, load_map, map_bytes
+from spab_core.shipped import model_cache
+from spab_core.shipped.manifest import ArtifactError, checked_bytes, load_reference_map, write_manifest
+from spab_core.shipped.model_store import find_model, load_shipped_map, model_file
+from spab_core.surrogates.models import model
+from spab_core.surrogates.uncertainty import load_intervals
+from spab_core.surrogates.user_data import load_samples, read_samples
+from spab_core.trajectory.point_file import load_point
 from tests.conftest import ROOT
 
 TREE = model("tree")
@@ -181,8 +183,8 @@ def test_nothing_else_in_the_sources_unpickles():
             if any(word in line for word in ("joblib.load(", "pickle.load", "allow_pickle=True", "read_pickle", " eval(",
                                              " exec(", "shell=True", "os.system", "yaml.load", "np.load(")):
                 found.append(f"{path.relative_to(ROOT)}: {line.strip()}")
-    assert found == ["spab_core/features.py: with np.load(io.BytesIO(data), allow_pickle=False) as file:",
-                     "spab_core/pretrained.py: found = joblib.load(io.BytesIO(data))"]
+    assert found == ["spab_core/linear_theory/linear_table.py: with np.load(io.BytesIO(data), allow_pickle=False) as file:",
+                     "spab_core/shipped/model_store.py: found = joblib.load(io.BytesIO(data))"]
 
 
 def test_served_to_this_machine_alone(tmp_path):
@@ -192,7 +194,7 @@ def test_served_to_this_machine_alone(tmp_path):
         trial.bind(("127.0.0.1", 0))
         port = trial.getsockname()[1]
     with (tmp_path / "log").open("wb") as log:
-        server = subprocess.Popen([sys.executable, "-m", "spab_core.cli", "dashboard", "--port", str(port), "--headless"],
+        server = subprocess.Popen([sys.executable, "-m", "spab_core.cli.main", "dashboard", "--port", str(port), "--headless"],
                                   cwd=tmp_path, stdout=log, stderr=log, env=os.environ | {"PYTHONPATH": str(ROOT)})
     try:
         until = time.monotonic() + 60

@@ -16,10 +16,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from spab_core import model_cache
-from spab_core.artifacts import PREDICTIONS, ArtifactError, read_manifest, write_manifest
-from spab_core.design import InputError
-from spab_core.pretrained import (
+from spab_core.common.errors import InputError
+from spab_core.shipped import model_cache
+from spab_core.shipped.build import STEP, rebuild, rounded
+from spab_core.shipped.manifest import PREDICTIONS, ArtifactError, read_manifest, write_manifest
+from spab_core.shipped.model_store import (
     MEANING,
     cache_name,
     design_hash,
@@ -42,9 +43,8 @@ from spab_core.pretrained import (
     train_on_map,
     versions,
 )
-from spab_core.release import STEP, rebuild, rounded
-from spab_core.surrogates import MODELS, model
-from spab_core.uncertainty import uncertain_map
+from spab_core.surrogates.models import MODELS, model
+from spab_core.surrogates.uncertainty import uncertain_map
 from tests.unit.test_surrogates import map_of, with_hole
 from tests.unit.test_uncertainty import striped_map
 
@@ -280,9 +280,9 @@ def never(*_, **__):
 def test_a_point_with_its_interval_is_predicted_without_training(striped, sure, monkeypatch, cache):
     expected = uncertain_map(striped, THEORY, 8)
     surrogate = train_on_map(striped, THEORY, 8).surrogate
-    monkeypatch.setattr("spab_core.uncertainty.train", never)
-    monkeypatch.setattr("spab_core.surrogates.train", never)
-    monkeypatch.setattr("spab_core.classifier.RegimeTrees.fit", never)
+    monkeypatch.setattr("spab_core.surrogates.uncertainty.train", never)
+    monkeypatch.setattr("spab_core.surrogates.models.train", never)
+    monkeypatch.setattr("spab_core.surrogates.classifier.RegimeTrees.fit", never)
     for row, column in ((5, 7), (30, 20), (39, 49)):
         number, mass = striped.bearing_number[row], striped.rotor_mass[column]
         found = predict_point(striped, mass, number, THEORY, 8, folder=sure)

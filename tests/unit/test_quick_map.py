@@ -7,14 +7,15 @@ import types
 import numpy as np
 import pytest
 
-from spab_core.artifacts import load_reference_map, load_reference_refinement
-from spab_core.cli import main
-from spab_core.design import InputError, parse_design, reference_design
-from spab_core.presets import PRESETS
-from spab_core.quick_map import as_map, check_cluster, check_quick_map, quick_map, usual_plane
-from spab_core.refine import load_refinement
-from spab_core.simulate import Settings
-from spab_core.stability_map import FIELDS, load_map, save_map
+from spab_core.active_learning.quick_map import as_map, check_cluster, check_quick_map, quick_map, usual_plane
+from spab_core.active_learning.refine import load_refinement
+from spab_core.cli.main import main
+from spab_core.common.errors import InputError
+from spab_core.design.model import parse_design, reference_design
+from spab_core.design.presets import PRESETS
+from spab_core.maps.stability_map import FIELDS, load_map, save_map
+from spab_core.shipped.manifest import load_reference_map, load_reference_refinement
+from spab_core.trajectory.settings import Settings
 
 
 def test_solved_cells_are_untouched_and_the_whole_is_a_map(tmp_path):

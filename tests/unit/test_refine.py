@@ -14,22 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from spab_core import Settings
-from spab_core.artifacts import load_reference_map, load_reference_refinement
-from spab_core.committee import (
-    LABELS,
-    POWERS,
-    Prediction,
-    exponent_scores,
-    plane_inputs,
-    predict_plane,
-    scores,
-)
-from spab_core.design import InputError
-from spab_core.evaluation import regime_scores
-from spab_core.features import shipped_table
-from spab_core.oracles import CHUNK, live_oracle, map_oracle
-from spab_core.point import solve_point
-from spab_core.refine import (
+from spab_core.active_learning.committee import LABELS, POWERS, Prediction, exponent_scores, plane_inputs, predict_plane, scores
+from spab_core.active_learning.oracles import CHUNK, live_oracle, map_oracle
+from spab_core.active_learning.refine import (
     EXPONENT_SHARE,
     MIN_START,
     choose_next,
@@ -38,7 +25,12 @@ from spab_core.refine import (
     refine,
     save_refinement,
 )
-from spab_core.stability_map import FIELDS, MapError
+from spab_core.common.errors import InputError
+from spab_core.linear_theory.linear_table import shipped_table
+from spab_core.maps.stability_map import FIELDS, MapError
+from spab_core.shipped.manifest import load_reference_map, load_reference_refinement
+from spab_core.surrogates.metrics import regime_scores
+from spab_core.trajectory.point import solve_point
 from tests.conftest import ROOT
 from tests.unit.test_surrogates import map_of
 

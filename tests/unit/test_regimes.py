@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from spab_core.lyapunov import Exponent, exponent
-from spab_core.regimes import MAX_PERIOD, Regime, classify, section_period
+from spab_core.trajectory.lyapunov import Exponent, exponent
+from spab_core.trajectory.regimes import MAX_PERIOD, Regime, classify, section_period
 
 
 def _section(function, revolutions=300):

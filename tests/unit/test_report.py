@@ -5,7 +5,7 @@ import re
 import pandas as pd
 import plotly.graph_objects as go
 
-from spab_core.report import ASSUMPTIONS, Section, design_section, report_html, report_pdf
+from spab_core.reporting.report import ASSUMPTIONS, Section, design_section, report_html, report_pdf
 
 
 def report(design):

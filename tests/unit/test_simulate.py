@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from spab_core import Settings, solve_point
-from spab_core.design import DesignError
-from spab_core.film import Mesh
-from spab_core.integrate import STATUS
-from spab_core.simulate import path_angle
+from spab_core.common.errors import DesignError
+from spab_core.solver.film import Mesh
+from spab_core.solver.stepping import STATUS
+from spab_core.trajectory.run import path_angle
 
 SHORT = Settings(mesh=Mesh(3, 24), transient=20, revolutions=40)
 

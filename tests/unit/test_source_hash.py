@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from spab_core import source_hash as module
-from spab_core._kernel_cache import solver_hash
-from spab_core.pretrained import INTERVALS_RECIPE
-from spab_core.source_hash import source_hash
+from spab_core.common import source_hash as module
+from spab_core.common.source_hash import source_hash
+from spab_core.shipped.model_store import INTERVALS_RECIPE
+from spab_core.solver.cache import solver_hash
 
 HERE = '''"""What it is for."""
-from spab_core.design import Design
+from spab_core.design.model import Design
 import numpy as np
 
 SIZE = 0x10  # cells

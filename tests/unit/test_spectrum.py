@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from spab_core.design import InputError
-from spab_core.spectrum import WINDOWS, spectrum
+from spab_core.common.errors import InputError
+from spab_core.trajectory.spectrum import WINDOWS, spectrum
 
 SAMPLES, REVOLUTIONS = 96, 48
 ANGLE = np.arange(SAMPLES * REVOLUTIONS) / SAMPLES  # revolutions

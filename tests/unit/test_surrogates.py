@@ -7,10 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from spab_core.design import InputError, reference_design
-from spab_core.simulate import Settings
-from spab_core.stability_map import StabilityMap, map_metadata
-from spab_core.surrogates import MODELS, model, predict_map, solved_cells, train, training_mask
+from spab_core.common.errors import InputError
+from spab_core.design.model import reference_design
+from spab_core.maps.stability_map import StabilityMap
+from spab_core.surrogates.models import MODELS, model, predict_map, solved_cells, train, training_mask
+from spab_core.trajectory.provenance import map_metadata
+from spab_core.trajectory.settings import Settings
 
 
 def map_of(function, rows=14, columns=18):

@@ -20,14 +20,21 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
-from spab_core import _kernel_cache, export, jobs, model_cache, private_folder, report
-from spab_core.artifacts import ARTIFACTS, SCORES, check_writable
-from spab_core.bifurcation import load_bifurcation
-from spab_core.cli_dashboard import check_free
-from spab_core.design import InputError, design_toml, load_design, read_design_bytes, write_atomically
-from spab_core.map_engine import compile_once, remove_temporaries
-from spab_core.npz import npz_bytes, open_npz
-from spab_core.stability_map import load_map
+from spab_core.cli.dashboard import check_free
+from spab_core.common import private_folders as private_folder
+from spab_core.common.errors import InputError
+from spab_core.common.files import check_writable, write_atomically
+from spab_core.common.npz import npz_bytes, open_npz
+from spab_core.design.model import design_toml, load_design, read_design_bytes
+from spab_core.jobs import store as jobs
+from spab_core.maps.bifurcation import load_bifurcation
+from spab_core.maps.checkpoints import remove_temporaries
+from spab_core.maps.stability_map import load_map
+from spab_core.reporting import export, report
+from spab_core.shipped import model_cache
+from spab_core.shipped.manifest import ARTIFACTS, SCORES
+from spab_core.solver import cache as _kernel_cache
+from spab_core.trajectory.compiling import compile_once
 from tests.conftest import ROOT
 
 TINY = {"mesh": "2x16", "transient": 20, "revolutions": 20}
@@ -133,7 +140,7 @@ def test_worker_processes_end_with_a_parent_whose_number_stays(windows, pool):
     """Also where nobody has waited for the dead parent, as for some minutes in a container."""
     module = {"loky": "joblib.externals.loky", "processes": "concurrent.futures"}[pool]
     program = (f"import os, time\nfrom {module} import ProcessPoolExecutor\n"
-               "from spab_core.map_engine import end_with_parent\n"
+               "from spab_core.common.processes import end_with_parent\n"
                "if __name__ == '__main__':\n"
                "    e = ProcessPoolExecutor(max_workers=1, initializer=end_with_parent, initargs=(os.getpid(),))\n"
                "    print(e.submit(os.getpid).result(), flush=True)\n"
@@ -294,7 +301,7 @@ def test_memory_is_bounded_as_far_as_another_c_library_lets(system):
     ["design", "new", "--preset", "spab60", "--out", "µΩ.toml"], ["jobs", "list"]])
 @pytest.mark.parametrize("encoding", ["cp1252", "cp437", "ascii"])
 def test_a_terminal_of_another_alphabet_gets_words_and_no_traceback(arguments, encoding, windows, root, tmp_path):
-    done = subprocess.run([sys.executable, "-m", "spab_core.cli", *arguments], capture_output=True, cwd=tmp_path,
+    done = subprocess.run([sys.executable, "-m", "spab_core.cli.main", *arguments], capture_output=True, cwd=tmp_path,
                           env=os.environ | {"PYTHONIOENCODING": f"{encoding}:strict", "PYTHONUTF8": "0"})
     told = (done.stdout + done.stderr).decode(encoding)
     assert told and "Traceback" not in told and done.returncode == (2 if "Λ" in arguments else 0), told
@@ -321,7 +328,7 @@ def test_files_come_out_of_a_clone_on_windows_as_they_went_in(tmp_path):
     """Git for Windows is set to turn line ends, and the manifest's checksums and the hash of the solver would not fit."""
     if not (ROOT / ".gitattributes").exists():
         pytest.skip("not a clone")
-    names = [f"artifacts/{SCORES}", "artifacts/manifest.json", "spab_core/film.py", "spab_core/designs/spab60.toml"]
+    names = [f"artifacts/{SCORES}", "artifacts/manifest.json", "spab_core/solver/film.py", "spab_core/design/data/spab60.toml"]
     for name in [".gitattributes", *names]:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, tmp_path / name)
@@ -403,7 +410,7 @@ def test_a_browser_that_keeps_its_profile_open_has_printed_all_the_same(tmp_path
 @pytest.mark.slow
 def test_a_map_on_two_processes_is_interrupted_and_goes_on(windows, tmp_path):
     compile_once()
-    command = [sys.executable, "-m", "spab_core.cli", "map", "--bearing-number", "2:4.5:6", "--rotor-mass", "3:18:40",
+    command = [sys.executable, "-m", "spab_core.cli.main", "map", "--bearing-number", "2:4.5:6", "--rotor-mass", "3:18:40",
                "--mesh", "2x16", "--transient", "200", "--revolutions", "20", "--full-length", "--workers", "2",
                "--out", str(tmp_path / "m.npz")]
     run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from spab_core.features import LinearFeatures, shipped_table
-from spab_core.surrogates import model, train
-from spab_core.theory_models import baseline
+from spab_core.linear_theory.linear_table import LinearFeatures, shipped_table
+from spab_core.surrogates.models import model, train
+from spab_core.surrogates.theory_trees import baseline
 
 
 def plane(rows=24, columns=30):

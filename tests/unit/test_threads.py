@@ -16,8 +16,8 @@ import sys, threading
 from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from spab_core import Settings, reference_design, solve_point
-from spab_core.stability import whirl_thresholds
-from spab_core.film import Mesh
+from spab_core.linear_theory.whirl import whirl_thresholds
+from spab_core.solver.film import Mesh
 
 THREADS, design = 8, reference_design()
 points = [(3.0, 2.0, "2x16", "rodas"), (5.0, 3.0, "2x16", "rodas"), (8.0, 3.5, "2x16", "rodas"), (18.0, 4.5, "2x16", "rodas"),

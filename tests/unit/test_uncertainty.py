@@ -7,21 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from spab_core.classifier import predict_regimes, regimes_by_threshold
-from spab_core.design import InputError
-from spab_core.evaluation import comparison_words, evaluate, f1, uncertainty_scores
-from spab_core.features import LinearFeatures, shipped_table
-from spab_core.lyapunov import Exponent
-from spab_core.surrogates import model, predict_map, solved_cells
-from spab_core.theory_models import baseline
-from spab_core.uncertainty import (
-    STEPS,
-    TooFewCells,
-    load_intervals,
-    reliability,
-    save_intervals,
-    uncertain_map,
-)
+from spab_core.common.errors import InputError
+from spab_core.linear_theory.linear_table import LinearFeatures, shipped_table
+from spab_core.surrogates.classifier import predict_regimes, regimes_by_threshold
+from spab_core.surrogates.metrics import evaluate, f1, uncertainty_scores
+from spab_core.surrogates.models import model, predict_map, solved_cells
+from spab_core.surrogates.ranking import comparison_words
+from spab_core.surrogates.theory_trees import baseline
+from spab_core.surrogates.uncertainty import STEPS, TooFewCells, load_intervals, reliability, save_intervals, uncertain_map
+from spab_core.trajectory.lyapunov import Exponent
 from tests.unit.test_surrogates import map_of, with_hole
 
 

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from spab_core.design import InputError
-from spab_core.simulate import Settings
-from spab_core.what_if import (
+from spab_core.common.errors import InputError
+from spab_core.maps.sensitivity import (
     REACH,
     Margin,
     is_stable,
@@ -19,6 +18,7 @@ from spab_core.what_if import (
     sensitivity,
     variations,
 )
+from spab_core.trajectory.settings import Settings
 
 QUICK = Settings("2x16", transient=60, revolutions=40)
 

@@ -10,13 +10,13 @@ import urllib.request
 
 import pytest
 
-from spab_core.cli import main
+from spab_core.cli.main import main
 from tests.conftest import ROOT
 
 _OPEN = """
 import sys
 from streamlit.testing.v1 import AppTest
-from spab_core.artifacts import HOME
+from spab_core.common.paths import HOME
 for name in ("Surrogate_map", "Model_ranking", "Where_to_solve_next", "About_the_model"):
     at = AppTest.from_file(str(next((HOME / "pages").glob(f"*_{name}.py"))), default_timeout=60).run()
     print(name, [e.value for e in (*at.exception, *at.error)])
@@ -43,7 +43,7 @@ def test_dashboard_out_of_the_wheel(tmp_path):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    command = [sys.executable, "-m", "spab_core.cli", "dashboard", "--port", str(port), "--headless"]
+    command = [sys.executable, "-m", "spab_core.cli.main", "dashboard", "--port", str(port), "--headless"]
     with (tmp_path / "log").open("w") as log:
         server = subprocess.Popen(command, cwd=elsewhere, env=environment, stdout=log, stderr=log)
     try:

@@ -1,0 +1,165 @@
+"""What the solved cells of a plane say of all others: a committee of randomised trees, and how well it does on a solved map.
+
+One committee of trees learns what linear theory leaves of the exponent, one the regime. How far the first one's trees disagree
+and how the second one's votes are split says what is in doubt.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from sklearn.ensemble import ExtraTreesClassifier, ExtraTreesRegressor
+
+from spab_core.linear_theory.linear_table import FEATURES, LinearFeatures, LinearTable
+from spab_core.maps.stability_map import StabilityMap
+from spab_core.surrogates.metrics import mae, regime_scores, rmse
+from spab_core.surrogates.theory_trees import baseline
+from spab_core.trajectory.regimes import REGIMES
+
+TREES = 60
+POWERS = np.arange(1.0, 3.01, 0.25)  # of the bearing number, along which the trees can cut
+LINEAR = slice(FEATURES.index("linear rate"), None)  # what linear theory adds to bearing number, rotor mass and M
+DAMPED = 0.15  # bearing number below which exponents reach -38 per revolution: errors are told without them too
+LABELS = (*REGIMES, "")  # "": the run fails, no exponent
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What the committee says of every cell of a plane.
+
+    Attributes
+    ----------
+    mle, deviation : ndarray, (n,)
+        Mean and standard deviation over the trees, per revolution; nan where fewer than two solved cells have an exponent.
+    probability : ndarray, (n, 4)
+        Share of the trees' votes for each of :data:`LABELS`.
+    """
+
+    mle: np.ndarray
+    deviation: np.ndarray
+    probability: np.ndarray
+
+    @property
+    def regime(self) -> np.ndarray:
+        """The likeliest of :data:`LABELS`, (n,) of str."""
+        return np.array(LABELS)[self.probability.argmax(1)]
+
+    @property
+    def unstable(self) -> np.ndarray:
+        """Probability that the motion is not periodic, a run that fails (touchdown) included, (n,)."""
+        return 1.0 - self.probability[:, LABELS.index("periodic")]
+
+    @property
+    def impurity(self) -> np.ndarray:
+        """Gini impurity of the regime, (n,): the rate of wrong labels if they were drawn by their probabilities."""
+        return 1.0 - (self.probability**2).sum(1)
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What the committee sees of the cells of a plane, in the order of ``mle.ravel()``.
+
+    Attributes
+    ----------
+    features : ndarray of float32, (n, k)
+        Bearing number and rotor mass scaled to [0, 1], ln(m Λ^p) for each p of :data:`POWERS`; decay rate, whirl frequency and
+        static eccentricity by linear theory, where its table is given.
+    bearing_number : ndarray, (n,)
+    baseline : ndarray, (n,)
+        Exponent that the trees start from, per revolution: that of linear theory, or 0.
+    """
+
+    features: np.ndarray
+    bearing_number: np.ndarray
+    baseline: np.ndarray
+
+
+def plane_inputs(bearing_number: np.ndarray, rotor_mass: np.ndarray, table: LinearTable | None = None) -> Inputs:
+    """What the committee sees of the cells of a plane.
+
+    Trees cut along axes, but borders, the periodic windows within chaos and other narrow bands run along curves near which
+    m Λ^p is constant, with a p that differs from band to band; p = 2 is the dimensionless mass.
+
+    Parameters
+    ----------
+    bearing_number : ndarray, (B,)
+    rotor_mass : ndarray, (M,)
+        kg on one bearing.
+    table : LinearTable, optional
+        What linear theory knows of the design.
+    """
+    number, mass = (a.ravel() for a in np.meshgrid(bearing_number, rotor_mass, indexing="ij"))
+    scaled = [(a - a.min()) / max(np.ptp(a), 1e-12) for a in (number, mass)]
+    features = np.column_stack([*scaled, *(np.log(mass) + p * np.log(number) for p in POWERS)])
+    start = np.zeros(len(number))
+    if table is not None:
+        theory = LinearFeatures(table).transform(np.column_stack([number, mass]))
+        features, start = np.column_stack([features, theory[:, LINEAR]]), baseline(theory)
+    return Inputs(features.astype(np.float32), number, start)  # what trees compute in: converted once
+
+
+def predict_plane(inputs: Inputs, solved: np.ndarray, mle: np.ndarray, regime: np.ndarray, seed: int = 0) -> Prediction:
+    """Train the committee on the solved cells and predict all of them.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        Of all n cells. The trees learn what the baseline leaves of the MLE times the bearing number, which is nearly smooth
+        where the exponent itself is steep.
+    solved : ndarray of bool, (n,)
+        The cells to learn from, at least one.
+    mle : ndarray, (n,)
+        Per revolution; nan where a run failed.
+    regime : ndarray of str, (n,)
+        "" where a run failed.
+    seed : int
+
+    Returns
+    -------
+    Prediction
+    """
+    features, number, start = inputs.features, inputs.bearing_number, inputs.baseline
+    known = solved & np.isfinite(mle)
+    mean, deviation = np.full(len(features), np.nan), np.full(len(features), np.nan)
+    if known.sum() >= 2:
+        trees = ExtraTreesRegressor(TREES, random_state=seed).fit(features[known], ((mle - start) * number)[known])
+        each = np.array([tree.predict(features) for tree in trees.estimators_], np.float32)
+        mean, deviation = start + each.mean(0, dtype=float) / number, each.std(0, dtype=float) / number
+    votes = ExtraTreesClassifier(TREES, random_state=seed).fit(features[solved], regime[solved])
+    probability = np.zeros((len(features), len(LABELS)))
+    probability[:, [LABELS.index(name) for name in votes.classes_]] = votes.predict_proba(features)
+    return Prediction(mean, deviation, probability)
+
+
+def scores(m: StabilityMap, prediction: Prediction, cells: np.ndarray) -> dict[str, float]:
+    """How well a prediction does on some cells of a solved map.
+
+    Parameters
+    ----------
+    m : StabilityMap
+        The truth.
+    prediction : Prediction
+    cells : ndarray of bool, (n,)
+        Which cells count, such as the held-out ones.
+
+    Returns
+    -------
+    dict
+        Those of :func:`exponent_scores`, ``accuracy`` of regimes and ``chaos_f1``; nan where no cell counts.
+    """
+    regimes = regime_scores(m.regime.ravel()[cells], prediction.regime[cells])
+    return exponent_scores(m, prediction.mle, cells) | {
+        "accuracy": regimes["regime_accuracy"], "chaos_f1": regimes["chaos_f1"]}
+
+
+def exponent_scores(m: StabilityMap, predicted: np.ndarray, cells: np.ndarray) -> dict[str, float]:
+    """``rmse``, ``mae`` and, at bearing numbers from :data:`DAMPED` on, ``rmse_undamped``.
+
+    Per revolution, over those of ``cells`` (n,) that have an exponent; ``predicted`` (n,). nan where there are none.
+    """
+    truth = m.mle.ravel()
+    known = cells & np.isfinite(truth)
+    undamped = known & (np.repeat(m.bearing_number, len(m.rotor_mass)) >= DAMPED - 1e-9)
+    return {name: function(truth[chosen], predicted[chosen]) if chosen.any() else np.nan
+            for name, function, chosen in (("rmse", rmse, known), ("rmse_undamped", rmse, undamped), ("mae", mae, known))}

@@ -1,0 +1,175 @@
+"""A map of one's own bearing in minutes: a coarse plane at once, then cells where regimes are in doubt, until time is up."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from spab_core.active_learning.oracles import CHUNK, live_oracle
+from spab_core.active_learning.refine import MAX_PLANE, MIN_START, Refinement, refine
+from spab_core.common.errors import InputError
+from spab_core.common.validation import check_number
+from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.design.model import Design
+from spab_core.linear_theory.linear_table import LinearTable, linear_table, shipped_table
+from spab_core.maps.stability_map import StabilityMap, axis, check_plane
+from spab_core.trajectory.provenance import map_metadata
+from spab_core.trajectory.settings import Settings
+
+SECONDS, SECONDS_RANGE = 300.0, (5.0, 86_400.0)
+COARSE = 64  # cells of the first plane
+SHARE = 0.2  # of a batch for the exponent: borders between regimes are what a designer looks for
+TABLE_NODES = (32, 25)  # of linear theory's table: a quarter of the usual one, 8 s instead of 30
+SETTINGS = Settings(revolutions=300)
+_KEPT_BACK = 0.05  # of the time, for the last prediction and the file
+
+
+def usual_plane(design: Design) -> tuple[str, str]:
+    """Axes for a design, start:stop:count: bearing numbers 0.05 to 8.5, and rotor masses of the loads of the reference map.
+
+    Returns
+    -------
+    bearing_number, rotor_mass : str
+        As for ``stability_map.axis``. The largest mass weighs 0.67 p_a R², as the reference bearing's 25 kg; times the supply
+        pressure ratio where that is above one.
+    """
+    lift = design.force_unit * max(design.bearing.supply_pressure_ratio, 1.0)
+    gravity = design.rotor.gravity or 9.81
+    top = float(f"{np.clip(0.672 * lift / gravity, 10 * ROTOR_MASS_RANGE[0], ROTOR_MASS_RANGE[1]):.3g}")
+    return f"{0.05:g}:{8.5:g}:170", f"{top / 250:.6g}:{top:.6g}:250"
+
+
+def check_quick_map(bearing_number: str, rotor_mass: str, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+    """The axes of a quick map. Raises ``InputError`` for a plane or a time out of range."""
+    number, mass = axis(bearing_number, "bearing number"), axis(rotor_mass, "rotor mass")
+    for name, values, limits in (("bearing number", number, BEARING_NUMBER_RANGE), ("rotor mass", mass, ROTOR_MASS_RANGE)):
+        for value in (values[0], values[-1]):
+            check_number(name, float(value), *limits)
+    check_number("a plane", check_plane(number, mass), MIN_START, MAX_PLANE, "cells")
+    check_number("seconds", seconds, *SECONDS_RANGE, "s")
+    return number, mass
+
+
+def check_cluster(address: str) -> str:
+    """The address of a Dask scheduler, "" for none. Raises ``InputError`` for anything else."""
+    if not isinstance(address, str) or not re.fullmatch(r"((tcp|tls|ws|wss)://[\w.:\[\]-]{1,200}:\d{1,5})?", address):
+        raise InputError(f"the Dask scheduler {str(address)[:60]!r} is no address: allowed is one such as tcp://host:8786")
+    return address
+
+
+def _table(design: Design, number: np.ndarray, mass: np.ndarray) -> LinearTable | None:
+    """What linear theory knows of the plane; None where the design has no static equilibrium."""
+    if len(number) < 2 or len(mass) < 2:
+        return None
+    shipped = shipped_table()
+    if design == shipped.design:
+        return shipped
+    try:
+        return linear_table(design, ((float(number[0]), float(number[-1])), (float(mass[0]), float(mass[-1]))), TABLE_NODES)
+    except InputError:
+        return None
+
+
+def quick_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray, settings: Settings = SETTINGS, *,
+              seconds: float = SECONDS, seed: int = 0, parts: Path, workers: int = 1, cluster: str | None = None,
+              progress: Callable[[float], None] | None = None,
+              publish: Callable[[Refinement], None] | None = None) -> Refinement:
+    """Solve as many cells as the time allows, where regimes are most in doubt, and predict the rest.
+
+    Parameters
+    ----------
+    design : Design
+    bearing_number : ndarray, (B,)
+    rotor_mass : ndarray, (M,)
+        kg on one bearing.
+    settings : Settings
+        Of each solved cell.
+    seconds : float
+        Wall time from now; cells found in ``parts`` cost none of it.
+    seed : int
+        Of the choice of cells.
+    parts : Path
+        Folder of solved cells (:func:`spab_core.active_learning.oracles.live_oracle`): a run that was killed goes on from them.
+    workers : int
+        Processes.
+    cluster : str
+        Address of a Dask scheduler to solve there instead.
+    progress : callable
+        Called with the seconds gone since the last call.
+    publish : callable
+        Called with the result so far: after the coarse plane, and after each batch.
+
+    Returns
+    -------
+    Refinement
+
+    Raises
+    ------
+    InputError
+        For a plane or time out of range.
+    MapError
+        As ``oracles.live_oracle``.
+    """
+    began = last = time.perf_counter()
+    metadata = map_metadata(design, settings, (len(bearing_number), len(rotor_mass)))
+    count = check_plane(bearing_number, rotor_mass)
+    coarse = max(MIN_START, min(COARSE, count // 4))
+
+    def tick(_: int = 0) -> None:
+        nonlocal last
+        now = time.perf_counter()
+        if progress:
+            progress(now - last)
+        last = now
+
+    with live_oracle(design, bearing_number, rotor_mass, settings, parts=parts, plan={"quick": seed}, workers=workers,
+                     cluster=cluster, progress=tick) as oracle:
+        run = partial(refine, bearing_number, rotor_mass, oracle, seed=seed, share=SHARE, metadata=metadata, publish=publish)
+        first = run(coarse, start=coarse)
+        table = _table(design, bearing_number, rotor_mass)
+        tick()
+        solved_at, solved, pace = time.perf_counter(), 0, 0.0
+
+        def allowance(done: int) -> int:
+            nonlocal solved_at, solved, pace
+            now = time.perf_counter()
+            pace, solved_at, solved = (done - solved) / max(now - solved_at, 1e-3), now, done
+            left = began + (1.0 - _KEPT_BACK) * seconds - now
+            most = int(pace * left)
+            return most if most >= CHUNK else 0
+
+        if time.perf_counter() - began > seconds:
+            return first
+        start = max(coarse, min(count // 256, count // 4))
+        return run(count, start=start, table=table, allowance=allowance)
+
+
+def as_map(r: Refinement) -> StabilityMap:
+    """Solved cells as they are, the others as predicted, as one map for margins and figures; ``r.solved`` tells them apart.
+
+    A predicted cell has the committee's deviation as its standard error, the period and the contact of the nearest solved cell
+    of its regime, and no revolutions; where a run is predicted to fail, the status of the nearest that did.
+    """
+    solved = {name: values.copy() for name, values in r.values.items()}
+    open_cells = ~r.solved
+    solved["mle"][open_cells] = np.where(r.regime == "", np.nan, r.mle)[open_cells]
+    solved["mle_standard_error"][open_cells] = np.where(r.regime == "", np.nan, r.deviation)[open_cells]
+    solved["regime"][open_cells] = r.regime[open_cells]
+    for regime in np.unique(r.regime[open_cells]):
+        like = r.solved & (r.values["regime"] == regime)
+        wanted = open_cells & (r.regime == regime)
+        source = like if like.any() else r.solved
+        _, (row, column) = distance_transform_edt(~source, return_indices=True)
+        for name in ("period", "contact_share", "max_eccentricity", "status"):
+            solved[name][wanted] = r.values[name][row[wanted], column[wanted]]
+        if regime and not like.any():
+            solved["period"][wanted], solved["status"][wanted] = int(regime == "periodic"), "ok"
+    missing = (solved["status"] == "ok") & ~np.isfinite(solved["mle"])  # too few solved cells to predict an exponent
+    solved["mle"][missing] = 0.0
+    return StabilityMap(r.bearing_number, r.rotor_mass, **solved, metadata=r.metadata)

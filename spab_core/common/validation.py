@@ -1,0 +1,44 @@
+"""Check numbers that a person gave."""
+
+from __future__ import annotations
+
+import math
+
+from spab_core.common.errors import DesignError
+
+
+def check_number(name, value, low, high, unit="", *, infinite=False, open_low=False):
+    """Return ``value`` as a float if it lies in the allowed range.
+
+    Parameters
+    ----------
+    name : str
+        What to call the value in the message.
+    value : object
+        What the person gave.
+    low, high : float
+        The allowed range, both ends included (``low`` excluded where ``open_low``).
+    unit : str
+        Unit for the message, "" for a pure number.
+    infinite : bool
+        Whether positive infinity is allowed too.
+
+    Raises
+    ------
+    DesignError
+        If it is no number or out of range; the message names the field, the value and the range.
+    """
+    unit = f" {unit}" if unit else ""
+    allowed = f"{'more than' if open_low else 'from'} {low:g} {'up ' if open_low else ''}to {high:g}{unit}"
+    if infinite:
+        allowed += ", or inf"
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise DesignError(f"{name} must be a number ({allowed}), not {str(value)[:60]!r}")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf if value > 0 else -math.inf
+    inside = low <= number <= high and not (open_low and number == low)
+    if not inside and not (infinite and number == math.inf):
+        raise DesignError(f"{name} = {number:g}{unit} is out of range: allowed is {allowed}")
+    return number

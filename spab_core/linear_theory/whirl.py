@@ -1,0 +1,130 @@
+"""Static equilibrium, film stiffness and the linear whirl threshold: eigenvalues of the full linearised system.
+
+Everything here uses the same discrete equations as the integrator, through the compiled tangent.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from spab_core.design.model import Design
+from spab_core.linear_theory.equilibrium import Equilibrium, _without_unbalance, static_equilibrium
+from spab_core.solver.film import DEFAULT_MESH, Mesh, build_film
+from spab_core.solver.rotor import build_rotor
+from spab_core.solver.slope import slope_and_jacobian, unknown_places
+
+THRESHOLD_RANGE = (1e-2, 1e2)  # kg, searched for the whirl threshold
+
+
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """Where the static equilibrium loses or gains linear stability as the rotor mass changes, at one bearing number.
+
+    Attributes
+    ----------
+    critical_mass : float
+        kg on one bearing.
+    critical_mass_number : float
+        M at that mass.
+    whirl_ratio : float
+        Whirl frequency over the shaft speed.
+    stable_side : str
+        ``below`` or ``above``: the side of ``critical_mass`` where the equilibrium is stable.
+    """
+
+    critical_mass: float
+    critical_mass_number: float
+    whirl_ratio: float
+    stable_side: str
+
+
+
+
+
+
+
+
+
+
+
+
+
+
+
+
+def linear_spectrum(design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = DEFAULT_MESH,
+                    guess: np.ndarray | None = None) -> tuple[np.ndarray, Equilibrium] | None:
+    """Eigenvalues per unit tau of the whole system, film and rotor, linearised about the static equilibrium.
+
+    Returns
+    -------
+    eigenvalues : ndarray of complex
+        Real part first to last falling; imaginary part = frequency over the shaft speed. None where no equilibrium is.
+    equilibrium : Equilibrium
+    """
+    film = build_film(design, bearing_number, mesh)
+    rotor = _without_unbalance(build_rotor(design, rotor_mass, bearing_number))
+    equilibrium = static_equilibrium(design, rotor_mass, bearing_number, mesh, guess)
+    if equilibrium is None:
+        return None
+    unknowns = unknown_places(film, design.rigid)
+    _, jacobian = slope_and_jacobian(film, rotor, equilibrium.state, unknowns)
+    values = np.linalg.eigvals(jacobian[unknowns])
+    return values[np.argsort(-values.real)], equilibrium
+
+
+def whirl_thresholds(design: Design, bearing_number: float, mesh: Mesh = DEFAULT_MESH,
+                     masses: tuple[float, float] = THRESHOLD_RANGE, scan: int = 25) -> list[Threshold]:
+    """Rotor masses where the static equilibrium changes its linear stability, in rising order.
+
+    Parameters
+    ----------
+    design : Design
+    bearing_number : float
+    mesh : Mesh
+    masses : tuple
+        Range searched, kg.
+    scan : int
+        Masses tried, equally spaced in the logarithm, before each sign change is bisected; two changes between neighbours
+        go unseen.
+
+    Returns
+    -------
+    list of Threshold
+        Empty where the stability is the same over the whole range.
+    """
+    def leading(log_mass, guess):
+        """Leading eigenvalue and equilibrium, (None, None) where no equilibrium was found."""
+        spectrum = linear_spectrum(design, math.exp(log_mass), bearing_number, mesh, guess)
+        if spectrum is None and guess is not None:  # the guess may be too far away
+            spectrum = linear_spectrum(design, math.exp(log_mass), bearing_number, mesh)
+        return (None, None) if spectrum is None else (spectrum[0][0], spectrum[1].state)
+
+    logs = np.linspace(math.log(masses[0]), math.log(masses[1]), scan)
+    values, state = [], None
+    for x in logs:
+        value, state = leading(x, state)
+        values.append((value, state))
+    found = []
+    for k in range(scan - 1):
+        (a, start), (b, _) = values[k], values[k + 1]
+        if a is None or b is None or (a.real < 0.0) == (b.real < 0.0):
+            continue
+        low, high = logs[k], logs[k + 1]
+        while high - low > 1e-6:  # bisection: one more equilibrium may be missing anywhere in between
+            middle = 0.5 * (low + high)
+            value, _ = leading(middle, start)
+            if value is None:
+                break
+            low, high = (middle, high) if (value.real < 0.0) == (a.real < 0.0) else (low, middle)
+        value, _ = leading(0.5 * (low + high), start)
+        if value is not None:
+            mass = math.exp(0.5 * (low + high))
+            found.append(Threshold(mass, design.mass_number(mass, bearing_number), abs(value.imag),
+                                   "below" if a.real < 0.0 else "above"))
+    return found

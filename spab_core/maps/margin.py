@@ -1,0 +1,330 @@
+"""How far an operating point is from the nearest border of a map, and where linear theory sees another border.
+
+A map is taken as what it is: every cell stands for the box around it, halfway to its neighbours. A border lies between two
+cells, known to half the distance of their centres. Unstable is whatever is not periodic, failed cells among it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from spab_core.common.validation import check_number
+from spab_core.linear_theory.linear_table import LinearTable
+from spab_core.maps.stability_map import MapError, StabilityMap
+from spab_core.trajectory.regimes import Regime
+
+_ALIKE = 1e-9  # relative: a point on the edge of the map is inside
+
+
+@dataclass(frozen=True)
+class Border:
+    """The next border along one axis.
+
+    Attributes
+    ----------
+    value : float
+        Between the last cell of this kind and the first of the other: kg, or a bearing number.
+    half : float
+        Half the distance of the two cells: the border lies somewhere in ``value`` ± ``half``.
+    distance : float
+        From the point to ``value``, at least 0.
+    beyond : str
+        What the first cell behind it does, such as "chaotic".
+    """
+
+    value: float
+    half: float
+    distance: float
+    beyond: str
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The nearest point of the other kind in the whole plane.
+
+    Attributes
+    ----------
+    rotor_mass : float
+        kg on one bearing.
+    bearing_number : float
+    change : float
+        Root of the sum of squares of the relative changes of mass and speed that lead there.
+    beyond : str
+        What its cell does.
+    """
+
+    rotor_mass: float
+    bearing_number: float
+    change: float
+    beyond: str
+
+
+@dataclass(frozen=True)
+class Borders:
+    """Borders around a point; None where there is none up to the edge of the map."""
+
+    mass_below: Border | None
+    mass_above: Border | None
+    number_below: Border | None
+    number_above: Border | None
+    both: Nearest | None
+
+
+@dataclass(frozen=True)
+class Margin:
+    """What a map knows around an operating point.
+
+    Attributes
+    ----------
+    rotor_mass : float
+        kg on one bearing.
+    bearing_number : float
+    rpm_per_number : float
+        Shaft speed in rpm at the bearing number 1 of the map's design.
+    here : str
+        Regime of the point's cell, or the status of its failed run.
+    stable, chaotic : bool
+    instability : Borders
+        To the nearest unstable cells; of an unstable point, to the nearest stable ones.
+    chaos : Borders
+        To the nearest chaotic cells; of a chaotic point, to the nearest that are not.
+    masses, numbers : tuple of float
+        Edges of the map, kg and bearing numbers.
+    """
+
+    rotor_mass: float
+    bearing_number: float
+    rpm_per_number: float
+    here: str
+    stable: bool
+    chaotic: bool
+    instability: Borders
+    chaos: Borders
+    masses: tuple[float, float]
+    numbers: tuple[float, float]
+
+    def headline(self) -> str:
+        """The margin in one sentence."""
+        kind, begin = ("unstable", "Margin") if self.stable else ("stable", f"Unstable here ({self.here})")
+        near = self.instability.both
+        if near is None:
+            return f"{begin}: no {kind} point anywhere in the map."
+        return f"{begin}: the nearest {kind} point is {near.beyond}, at {self._where(near)}."
+
+    def sentences(self) -> list[str]:
+        """Borders in mass at this speed, in speed at this mass; then chaos, where it is not the nearest instability."""
+        at_speed, at_mass = f"t {_thousands(self.speed_rpm, 10.0)} rpm", f"t {self.rotor_mass:.4g} kg"
+        found = [f"A{at_speed}: {self._along(self.instability, 'mass')}.",
+                 f"A{at_mass}: {self._along(self.instability, 'number')}."]
+        near = self.chaos.both
+        if self.chaos == self.instability:
+            return found
+        if near is None:
+            return [*found, "Chaos everywhere in the map." if self.chaotic else "No chaos anywhere in the map."]
+        if self.chaotic:
+            return [*found, f"Chaos ends at {self._where(near)}."]
+        return [*found, f"Chaos is nearest at {self._where(near)}; a{at_speed} {self._ends(self.chaos, 'mass')}; "
+                        f"a{at_mass} {self._ends(self.chaos, 'number')}."]
+
+    @property
+    def speed_rpm(self) -> float:
+        """Shaft speed of the point."""
+        return self.bearing_number * self.rpm_per_number
+
+    def record(self) -> dict:
+        """Plain values: the keys of ``spab margin --json``."""
+        return asdict(self) | {"speed_rpm": self.speed_rpm, "headline": self.headline(), "sentences": self.sentences()}
+
+    def _where(self, near: Nearest) -> str:
+        mass, speed = near.rotor_mass / self.rotor_mass - 1.0, near.bearing_number / self.bearing_number - 1.0
+        return (f"{near.rotor_mass:.4g} kg and {_thousands(near.bearing_number * self.rpm_per_number, 10.0)} rpm "
+                f"(mass {_percent(mass)}, speed {_percent(speed)})")
+
+    def _units(self, axis: str) -> tuple[str, float, tuple[float, float]]:
+        """Unit of the axis ``mass`` or ``number`` in words, what one of it is in that unit, and the map's edges."""
+        return ("kg", 1.0, self.masses) if axis == "mass" else ("rpm", self.rpm_per_number, self.numbers)
+
+    def _along(self, borders: Borders, axis: str) -> str:
+        """Both borders along an axis, the nearer one first."""
+        unit, scale, edges = self._units(axis)
+        told = []
+        for side, edge in zip(("below", "above"), edges, strict=True):
+            border: Border | None = getattr(borders, f"{axis}_{side}")
+            if border is None:
+                end = f"{edge:g} kg" if axis == "mass" else f"{scale * edge:,.0f} rpm"
+                told.append((math.inf, f"no border {'down' if side == 'below' else 'up'} to {end} (edge of the map)"))
+            else:
+                told.append((border.distance, f"{_thousands(scale * border.distance, scale * border.half)} {unit} "
+                                              f"{'above' if side == 'below' else 'below'} the {border.beyond} band "
+                                              f"({_end(border, side, scale)} {unit})"))
+        return "; ".join(text for _, text in sorted(told))
+
+    def _ends(self, borders: Borders, axis: str) -> str:
+        """Both borders along an axis without their distances."""
+        unit, scale, _ = self._units(axis)
+        sides = {side: getattr(borders, f"{axis}_{side}") for side in ("below", "above")}
+        return " and ".join(f"{_end(b, side, scale)} {unit}" for side, b in sides.items() if b is not None) or "nowhere"
+
+
+def _end(border: Border, side: str, scale: float) -> str:
+    half = scale * border.half
+    return f"{'up to' if side == 'below' else 'from'} {_thousands(scale * border.value, half)} ± {_thousands(half, half)}"
+
+
+def _percent(change: float) -> str:
+    return f"{100.0 * change:+,.{0 if abs(change) >= 0.1 else 1}f} %"
+
+
+def _thousands(value: float, resolution: float) -> str:
+    """A number without digits finer than the first one of its resolution."""
+    digits = -math.floor(math.log10(resolution)) if resolution > 0.0 else 6
+    return f"{round(value, digits):,.{max(digits, 0)}f}"
+
+
+def margin(m: StabilityMap, rotor_mass: float, bearing_number: float) -> Margin:
+    """How far a point of a map is from instability and from chaos, or from the end of them.
+
+    Parameters
+    ----------
+    m : StabilityMap
+    rotor_mass : float
+        kg on one bearing.
+    bearing_number : float
+
+    Raises
+    ------
+    InputError
+        For a point outside the map, or a map whose axes do not rise.
+    """
+    numbers, masses = _edges(m.bearing_number), _edges(m.rotor_mass)
+    for name, value, axis, unit in (("rotor mass", rotor_mass, m.rotor_mass, "kg"),
+                                    ("bearing number", bearing_number, m.bearing_number, "")):
+        low, high = float(axis[0]), float(axis[-1])
+        if not low * (1.0 - _ALIKE) <= value <= high * (1.0 + _ALIKE):
+            check_number(f"{name} in this map", value, low, high, unit)
+    row, column = m.nearest(rotor_mass, bearing_number)
+    here, stable, chaos = _words(m, row, column), m.regime == "periodic", m.regime == "chaotic"
+
+    def borders(other: np.ndarray) -> Borders:
+        along_mass = _along(other[row], column, m.rotor_mass, rotor_mass, lambda k: _words(m, row, k))
+        along_number = _along(other[:, column], row, m.bearing_number, bearing_number, lambda k: _words(m, k, column))
+        return Borders(*along_mass, *along_number, _nearest(m, other, numbers, masses, rotor_mass, bearing_number))
+
+    return Margin(float(rotor_mass), float(bearing_number), m.design.speed_rpm(1.0), here, bool(stable[row, column]),
+                  bool(chaos[row, column]), borders(stable != stable[row, column]), borders(chaos != chaos[row, column]),
+                  (float(m.rotor_mass[0]), float(m.rotor_mass[-1])), (float(m.bearing_number[0]), float(m.bearing_number[-1])))
+
+
+def _edges(axis: np.ndarray) -> np.ndarray:
+    """Edges of the cells, (n + 1,): halfway between the centres, the outermost at the centres: the map ends there."""
+    if np.any(np.diff(axis) <= 0.0):
+        raise MapError("the axes of this map do not rise: no margin can be told")
+    return np.concatenate([axis[:1], 0.5 * (axis[1:] + axis[:-1]), axis[-1:]])
+
+
+def _words(m: StabilityMap, row: int, column: int) -> str:
+    name = str(m.regime[row, column])
+    return Regime(name, int(m.period[row, column])).text if name else str(m.status[row, column])
+
+
+def _along(other, k, axis, point, words) -> tuple[Border | None, Border | None]:
+    """Borders below and above index k to the first cells where ``other`` is true."""
+    found: list[Border | None] = []
+    for cells, step in ((np.flatnonzero(other[:k])[-1:], -1), (k + 1 + np.flatnonzero(other[k + 1:])[:1], 1)):
+        if len(cells):
+            first = int(cells[0])
+            last = first - step
+            value, half = 0.5 * float(axis[first] + axis[last]), 0.5 * abs(float(axis[first] - axis[last]))
+            found.append(Border(value, half, max(step * (value - point), 0.0), words(first)))
+        else:
+            found.append(None)
+    return found[0], found[1]
+
+
+def _nearest(m, other, numbers, masses, rotor_mass, bearing_number) -> Nearest | None:
+    """The point of the boxes of the cells in ``other`` that is reached by the smallest relative change."""
+    rows, columns = np.nonzero(other)
+    if not len(rows):
+        return None
+    number = np.clip(bearing_number, numbers[rows], numbers[rows + 1])
+    mass = np.clip(rotor_mass, masses[columns], masses[columns + 1])
+    change = np.hypot(number / bearing_number - 1.0, mass / rotor_mass - 1.0)
+    k = int(change.argmin())
+    return Nearest(float(mass[k]), float(number[k]), float(change[k]), _words(m, int(rows[k]), int(columns[k])))
+
+
+@dataclass(frozen=True)
+class Region:
+    """Cells of a map that have something in common.
+
+    Attributes
+    ----------
+    share : float
+        Of all cells.
+    numbers, masses : tuple of float
+        Where they are: nine tenths of them lie within these bearing numbers, and within these rotor masses in kg; nan where
+        there are none.
+    """
+
+    share: float
+    numbers: tuple[float, float]
+    masses: tuple[float, float]
+
+    def text(self) -> str:
+        """Such as "12 % of the cells (mostly Λ 2.9 to 8.3, 4 to 24 kg)"."""
+        if not self.share:
+            return "no cell"
+        (a, b), (c, d) = self.numbers, self.masses
+        return f"{100.0 * self.share:.2g} % of the cells (mostly Λ {a:.2g} to {b:.2g}, {c:.2g} to {d:.2g} kg)"
+
+
+@dataclass(frozen=True)
+class LinearDisagreement:
+    """Where linear stability of the static equilibrium, without unbalance, does not foretell the motion with unbalance.
+
+    Attributes
+    ----------
+    calm : Region
+        Linearly unstable, yet the orbit repeats every revolution: no whirl is seen.
+    locked : Region
+        Linearly unstable, and the orbit repeats after two revolutions or more: a whirl locked to the rotation.
+    driven : Region
+        Linearly stable, yet the orbit is chaotic, quasi-periodic or fails: the unbalance drives it.
+    """
+
+    calm: Region
+    locked: Region
+    driven: Region
+
+    def sentences(self) -> list[str]:
+        """All three in words."""
+        return [f"Linearly unstable, yet the orbit repeats every revolution, without whirl: {self.calm.text()}.",
+                f"Linearly unstable, yet periodic, the whirl locked to the rotation: {self.locked.text()}.",
+                f"Linearly stable, yet quasi-periodic or chaotic, driven by the unbalance: {self.driven.text()}."]
+
+
+def critical_masses(table: LinearTable, bearing_number: float) -> np.ndarray:
+    """Rotor masses in kg, rising, where the equilibrium changes its stability at a bearing number: zeros of the rate."""
+    mass = table.rotor_mass
+    rate = table.at(np.full(len(mass), bearing_number), mass)[:, 0]
+    k = np.flatnonzero((rate[:-1] < 0.0) != (rate[1:] < 0.0))
+    return mass[k] + np.diff(mass)[k] * rate[k] / (rate[k] - rate[k + 1])
+
+
+def against_linear(m: StabilityMap, table: LinearTable) -> LinearDisagreement:
+    """Compare a map with linear stability; ``table`` is of the map's design and covers its plane."""
+    number, mass = (a.ravel() for a in np.meshgrid(m.bearing_number, m.rotor_mass, indexing="ij"))
+    stable = table.at(number, mass)[:, 0] < 0.0
+
+    def region(mask: np.ndarray) -> Region:
+        if not mask.any():
+            return Region(0.0, (math.nan, math.nan), (math.nan, math.nan))
+        spans = [tuple(float(v) for v in np.quantile(a[mask], (0.05, 0.95))) for a in (number, mass)]
+        return Region(float(mask.mean()), (spans[0][0], spans[0][1]), (spans[1][0], spans[1][1]))
+
+    periodic, period = m.regime.ravel() == "periodic", m.period.ravel()
+    return LinearDisagreement(region(~stable & periodic & (period == 1)), region(~stable & periodic & (period > 1)),
+                              region(stable & ~periodic))

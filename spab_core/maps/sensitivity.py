@@ -1,0 +1,272 @@
+"""What if the drawing changes: how far the next unstable motion moves, and what a machine's run-up crosses.
+
+The machine keeps its rotor mass and speed when its bearing is changed, so margins are told in kg and rpm, and the bearing
+number is formed anew for every design.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import joblib
+import numpy as np
+import pandas as pd
+
+from spab_core.common.errors import InputError
+from spab_core.common.files import write_atomically
+from spab_core.common.npz import UNREADABLE
+from spab_core.common.validation import check_number
+from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, check_point
+from spab_core.design.model import Design
+from spab_core.maps.parallel import cluster_or_processes
+from spab_core.trajectory.point import solve_point
+from spab_core.trajectory.settings import Settings
+
+SETTINGS = Settings(transient=200, revolutions=200)
+REACH = 2.0  # margins are sought from 1/REACH to REACH times the operating point
+SCAN = 16  # points to each side, equally spaced in the logarithm
+BISECTIONS = 4  # of the step in which the regime changes: the border to 0.3 %
+STEP, STEPS = 0.1, (1e-3, 0.5)  # relative change of each value of the design; allowed
+VALUES = {  # what a designer can still change, and its name
+    "bearing__clearance": "clearance", "bearing__supply_pressure_ratio": "supply pressure",
+    "rotor__unbalance_eccentricity": "unbalance", "rotor__shaft_stiffness": "shaft stiffness"}
+AXES = ("speed", "mass")
+_MAX_BYTES = 1_000_000  # of a file of these
+_COLUMNS = {"value": str, "factor": float, "stable": bool, "below": float, "above": float, "distance": float, "change": float}
+
+
+@dataclass(frozen=True)
+class Margin:
+    """How far a machine is from the nearest change between stable (periodic) and unstable motion along one axis.
+
+    Attributes
+    ----------
+    axis : str
+        ``speed`` or ``mass``.
+    stable : bool
+        Whether the motion is periodic at the operating point; a run that fails (touchdown) is unstable.
+    at : float
+        Speed in rpm, or rotor mass in kg, of the operating point.
+    below, above : float
+        The nearest border to each side, in the same unit; nan where there is none within the reach of the scan.
+    low, high : float
+        Ends of the scan.
+    """
+
+    axis: str
+    stable: bool
+    at: float
+    below: float
+    above: float
+    low: float
+    high: float
+
+    @property
+    def distance(self) -> float:
+        """Relative distance to the nearer border, negative where the operating point itself is unstable.
+
+        Where there is no border within reach: the end of the scan, a lower bound of it.
+        """
+        borders = [border for border in (self.below, self.above) if not np.isnan(border)]
+        nearest = min(abs(end - self.at) for end in borders or (self.low, self.high))
+        return (1.0 if self.stable else -1.0) * nearest / self.at
+
+
+def is_stable(design: Design, rotor_mass: float, speed_rpm: float, settings: Settings = SETTINGS) -> bool:
+    """Whether the motion from the cold start is periodic; ``rotor_mass`` in kg."""
+    regime = solve_point(design, rotor_mass, _number(design, speed_rpm), settings).regime
+    return regime is not None and regime.name == "periodic"
+
+
+def _number(design: Design, speed_rpm: float) -> float:
+    return design.bearing_number(speed_rpm * np.pi / 30.0)
+
+
+def check_margin(design: Design, rotor_mass: float, speed_rpm: float, axis: str, scan: int = SCAN) -> None:
+    """Raise :class:`InputError` for a machine, an axis or a scan out of range."""
+    if axis not in AXES:
+        raise InputError(f"axis = {str(axis)[:40]!r} is not allowed: choose {' or '.join(AXES)}")
+    check_number("scan", scan, 2, 1000)
+    low, high = (limit / _number(design, 1.0) for limit in BEARING_NUMBER_RANGE)
+    check_number("speed", speed_rpm, low, high, "rpm")
+    check_point(rotor_mass, _number(design, speed_rpm))
+
+
+def machine_margin(design: Design, rotor_mass: float, speed_rpm: float, axis: str, settings: Settings = SETTINGS, *,
+                   scan: int = SCAN) -> Margin:
+    """Seek the nearest borders along an axis, by cold starts outward from the operating point and bisection.
+
+    Parameters
+    ----------
+    design : Design
+    rotor_mass : float
+        kg on one bearing.
+    speed_rpm : float
+    axis : str
+        Of :data:`AXES`.
+    settings : Settings
+    scan : int
+        Points to each side: bands narrower than their distance, ``REACH**(1/scan)``, can be stepped over.
+
+    Returns
+    -------
+    Margin
+
+    Raises
+    ------
+    InputError
+        For an operating point or axis out of range.
+    """
+    check_margin(design, rotor_mass, speed_rpm, axis, scan)
+    at = speed_rpm if axis == "speed" else rotor_mass
+    limits = [r / _number(design, 1.0) for r in BEARING_NUMBER_RANGE] if axis == "speed" else ROTOR_MASS_RANGE
+
+    def stable(value):
+        mass, speed = (rotor_mass, value) if axis == "speed" else (value, speed_rpm)
+        return is_stable(design, mass, speed, settings)
+
+    here, borders, ends = stable(at), [], []
+    for sign in (-1, 1):
+        end = float(np.clip(at * REACH**sign, *limits))
+        border, before = float("nan"), at
+        for value in np.geomspace(at, end, scan + 1)[1:] if end != at else ():
+            if stable(float(value)) != here:
+                near, far = before, float(value)
+                for _ in range(BISECTIONS):
+                    middle = float(np.sqrt(near * far))
+                    near, far = (middle, far) if stable(middle) == here else (near, middle)
+                border = float(np.sqrt(near * far))
+                break
+            before = float(value)
+        borders.append(border)
+        ends.append(end)
+    return Margin(axis, here, float(at), *borders, *ends)
+
+
+def variations(design: Design, step: float = STEP) -> list[tuple[str, float, Design]]:
+    """The designs with one value lower and higher by ``step``: (name of the value, factor, design).
+
+    Values that are nought or infinite (no unbalance, a rigid shaft), and designs out of range, are left out.
+    """
+    found = []
+    for key, name in VALUES.items():
+        part, _, field = key.partition("__")
+        value = getattr(getattr(design, part), field)
+        if not 0.0 < value < float("inf"):
+            continue
+        for factor in (1.0 - step, 1.0 + step):
+            try:
+                found.append((name, factor, design.replace(**{key: factor * value})))
+            except InputError:
+                continue
+    return found
+
+
+def sensitivity(design: Design, rotor_mass: float, speed_rpm: float, axis: str = "speed", settings: Settings = SETTINGS, *,
+                step: float = STEP, scan: int = SCAN, workers: int = 1,
+                progress: Callable[[int], None] | None = None) -> tuple[Margin, pd.DataFrame]:
+    """How the margin of a machine moves with each value of its drawing: the numbers of a tornado chart.
+
+    Parameters
+    ----------
+    design, rotor_mass, speed_rpm, axis, settings, scan
+        As in :func:`machine_margin`.
+    step : float
+        Relative change of each value, from 0.001 to 0.5.
+    workers : int
+        Processes.
+    progress : callable
+        Called with the number of margins found since the last call, ``1 + len(variations(design))`` in all.
+
+    Returns
+    -------
+    Margin
+        Of the design as it is.
+    DataFrame
+        A row for each value and direction: ``value``, ``factor``, ``stable``, ``below``, ``above`` (rpm or kg), ``distance``
+        (relative), ``change`` (of the distance); the value with the largest change first.
+
+    Raises
+    ------
+    InputError
+        For an operating point, axis or step out of range.
+    """
+    check_number("step", step, *STEPS)
+    check_margin(design, rotor_mass, speed_rpm, axis, scan)
+    cases = [("", 1.0, design), *variations(design, step)]
+    margins: dict[int, Margin] = {}
+    with cluster_or_processes(workers) as run:
+        jobs = (joblib.delayed(_numbered_margin)(k, case[2], rotor_mass, speed_rpm, axis, settings, scan)
+                for k, case in enumerate(cases))
+        for k, margin in run(jobs):
+            margins[k] = margin
+            if progress:
+                progress(1)
+    base = margins[0]
+    rows = [{"value": name, "factor": factor, "stable": margins[k].stable, "below": margins[k].below, "above": margins[k].above,
+             "distance": margins[k].distance, "change": margins[k].distance - base.distance}
+            for k, (name, factor, _) in enumerate(cases) if k]
+    table = pd.DataFrame(rows, columns=list(_COLUMNS)).astype(_COLUMNS)
+    largest = table.groupby("value")["change"].transform(lambda c: c.abs().max())
+    order = table.assign(largest=largest).sort_values(["largest", "value", "factor"], ascending=[False, True, True]).index
+    return base, table.loc[order].reset_index(drop=True)
+
+
+def _numbered_margin(number, *arguments):
+    *first, scan = arguments
+    return number, machine_margin(*first, scan=scan)
+
+
+def save_sensitivity(base: Margin, table: pd.DataFrame, path: Path) -> None:
+    """Write what :func:`sensitivity` gave as JSON, atomically."""
+    rows = table.astype(object).where(table.notna(), None).to_dict("list")
+    numbers = {name: None if value != value else value for name, value in dataclasses.asdict(base).items()}
+    write_atomically(path, json.dumps({"base": numbers, "rows": rows}).encode())
+
+
+def load_sensitivity(path: Path) -> tuple[Margin, pd.DataFrame]:
+    """What :func:`save_sensitivity` wrote. Raises ``InputError`` for any other file."""
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise ValueError(f"it has more than {_MAX_BYTES:,} bytes")
+        data = json.loads(path.read_text("utf-8"))
+        numbers: dict[str, Any] = {name: float("nan") if value is None else value for name, value in data["base"].items()}
+        base = Margin(**numbers)
+        places = [float(number) for number in (base.low, base.at, base.high)]
+        if (base.axis not in AXES or not isinstance(base.stable, bool)
+                or not 0.0 < places[0] <= places[1] <= places[2] < math.inf):
+            raise ValueError("its margin is none")
+        if any(not isinstance(border, float) for border in (base.below, base.above)) or data["rows"].keys() != _COLUMNS.keys():
+            raise ValueError("its values do not fit together")
+        table = pd.DataFrame(data["rows"], columns=list(_COLUMNS)).astype(_COLUMNS)
+    except UNREADABLE as error:
+        raise InputError(f"cannot read the sensitivity {str(path)!r}: {str(error)[:200]}") from None
+    return base, table
+
+
+def regime_intervals(values: np.ndarray, regime: Sequence[str]) -> pd.DataFrame:
+    """What a line of operating points crosses: one row for each run of equal regimes.
+
+    Parameters
+    ----------
+    values : ndarray, (n,)
+        Rising.
+    regime : sequence of str, (n,)
+        "" where a run failed.
+
+    Returns
+    -------
+    DataFrame
+        ``regime``, ``start``, ``stop`` (first and last value of the run), ``points``.
+    """
+    names = np.asarray(regime)
+    first = np.flatnonzero(np.concatenate([[True], names[1:] != names[:-1]])) if len(names) else np.array([], int)
+    last = np.append(first[1:], len(names)) - 1
+    return pd.DataFrame({"regime": [names[k] or "failed" for k in first], "start": [float(values[k]) for k in first],
+                         "stop": [float(values[k]) for k in last[:len(first)]], "points": (last[:len(first)] - first + 1)})

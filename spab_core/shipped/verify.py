@@ -1,0 +1,159 @@
+"""Check a folder of shipped files: names, checksums, versions, and that models predict the shipped maps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from spab_core.common.errors import InputError
+from spab_core.design.model import Design, reference_design
+from spab_core.shipped.build import MAX_FOLDER_BYTES, TABLES, TOLERANCE, _check_intervals, _is_model
+from spab_core.shipped.manifest import (
+    ARTIFACTS,
+    BIFURCATIONS,
+    PREDICTIONS,
+    REFERENCE_MAP,
+    SCORES,
+    ArtifactError,
+    checked_bytes,
+    load_reference_bifurcation,
+    load_reference_map,
+    load_reference_scores,
+    present_files,
+    read_manifest,
+)
+from spab_core.shipped.model_store import (
+    SEED,
+    difference,
+    intervals_file,
+    load_shipped_map,
+    load_shipped_model,
+    made_from,
+    model_file,
+    predict_with,
+)
+from spab_core.surrogates.metrics import errors
+from spab_core.surrogates.models import DIVISORS, MODELS
+
+
+@dataclass(frozen=True)
+class Check:
+    """One check of a folder of shipped files.
+
+    Attributes
+    ----------
+    name : str
+        What was checked.
+    problem : str
+        What is wrong; "" where nothing is.
+    """
+
+    name: str
+    problem: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing is wrong."""
+        return not self.problem
+
+
+def verify(folder: Path = ARTIFACTS) -> Iterator[Check]:
+    """Check a folder of shipped files, one answer after the other.
+
+    Names and checksums; map, lines, scores and predicted maps readable and of one another; versions, design, map and code of
+    each model, before it is opened; that models predict what was noted with them and the shipped maps, that intervals cover as
+    many cells as their table says, and that the scores are those of the shipped maps.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Yields
+    ------
+    Check
+    """
+    try:
+        files = read_manifest(folder)
+        present = present_files(folder)
+    except (ArtifactError, OSError) as error:
+        yield Check("manifest", str(error))
+        return
+    unnamed = sorted(set(present) - set(files))
+    yield Check("every file is named in the manifest", f"not named: {', '.join(unnamed)}" if unnamed else "")
+    for name in sorted(files):
+        yield _checked(f"SHA-256 of {name}", checked_bytes, name, folder)
+    try:
+        m = load_reference_map(folder)
+    except InputError as error:
+        yield Check(REFERENCE_MAP, str(error))
+        return
+    yield Check(f"{REFERENCE_MAP}: design of the reference bearing",
+                "" if m.design == reference_design() else "the map is of another design")
+    for name in BIFURCATIONS:
+        if name in files:
+            yield _checked(f"{name}: a line of the reference bearing", _check_line, name, folder)
+    source = made_from(m)
+    for name in (*TABLES, PREDICTIONS):
+        apart = difference(files[name].get("made_from"), source) if name in files else "it is missing"
+        yield Check(f"{name}: versions, code, design, map", f"{apart}; `spab train --all` makes it again" if apart else "")
+    yield _checked(f"{SCORES}: every model and fraction, and the errors of the shipped maps", _check_scores, m, folder)
+    yield _checked(f"{PREDICTIONS}: every model and fraction", _check_maps, m, folder)
+    for name in filter(_is_model, sorted(files)):
+        yield _checked(f"{name}: versions, code, design, map; predicts {'the shipped map' if name[0] == 's' else 'as noted'}",
+                       _check_model, m, name, files[name].get("made_from"), folder)
+    size = sum((folder / name).stat().st_size for name in present)
+    yield Check(f"{size / 1e6:.1f} MB in all, at most {MAX_FOLDER_BYTES / 1e6:g}",
+                "" if size <= MAX_FOLDER_BYTES else "too large for the repository")
+
+
+def _checked(name: str, check: Callable[..., object], *args) -> Check:
+    try:
+        check(*args)
+    except (ValueError, KeyError, TypeError) as error:  # InputError, and what a table of other columns raises
+        return Check(name, str(error) or type(error).__name__)
+    return Check(name)
+
+
+def _check_line(name, folder):
+    if Design.from_dict(load_reference_bifurcation(name, folder).metadata["design"]) != reference_design():
+        raise ArtifactError("the line is of another design")
+
+
+def _check_maps(m, folder):
+    for kind in MODELS.values():
+        for divisor in DIVISORS:
+            load_shipped_map(m, kind, divisor, SEED, folder)
+
+
+def _check_scores(m, folder):
+    scores = load_reference_scores(folder).set_index(["model", "divisor", "seed"])
+    if not scores.index.is_unique or not np.isfinite(scores["rmse_held_out"]).all():
+        raise ArtifactError("there are double rows, or errors that are no numbers")
+    for kind in MODELS.values():
+        for divisor in DIVISORS:
+            if (kind.name, divisor, SEED) not in scores.index:
+                raise ArtifactError(f"{kind.name} n/{divisor} is missing; `spab train --all` makes it again")
+            row = scores.loc[kind.name, divisor, SEED]
+            for column, value in errors(m, load_shipped_map(m, kind, divisor, SEED, folder)).items():
+                if abs(float(row[column]) - value) > TOLERANCE:
+                    raise ArtifactError(f"{kind.name} n/{divisor}: {column} is {row[column]:.6g} in the table and {value:.6g} "
+                                        "for the shipped map; `spab train --all` makes both again")
+
+
+def _check_model(m, name, noted, folder):
+    noted = noted if isinstance(noted, dict) else {}
+    kind, divisor = MODELS.get(str(noted.get("model"))), noted.get("divisor")
+    if kind is not None and isinstance(divisor, int) and name == intervals_file(kind, divisor):
+        _check_intervals(m, kind, divisor, folder)
+        return
+    if kind is None or not isinstance(divisor, int) or name != model_file(kind, divisor):
+        raise ArtifactError("the manifest does not say what it was made from: it is never opened; `spab train --all` makes the "
+                            "models again, `git clean` removes what is not of the repository")
+    predicted = predict_with(m, load_shipped_model(m, kind, divisor, SEED, folder), divisor)
+    shipped = load_shipped_map(m, kind, divisor, SEED, folder)
+    apart = float(np.nanmax(np.abs(predicted.mle - shipped.mle)))
+    if not apart <= TOLERANCE:
+        raise ArtifactError(f"it predicts up to {apart:.3g} per revolution from the shipped map")

@@ -1,0 +1,15 @@
+"""Film and rotor advanced in time by compiled kernels, with the exact tangent.
+
+Module               What it answers
+-------------------  ----------------------------------------
+film                 The mesh and the discretised Reynolds equation, readable
+rotor                Disc, journal, shaft and contact, readable
+cache                Where compiled kernels are kept, one folder for each state of the sources
+simd                 Eight doubles in a register
+row_ops              Rows of the film's state in registers
+slope                The right-hand side and its tangent, compiled
+curvature            The second derivative of the right-hand side along a direction
+linear_solve         The linear system of an implicit step, solved exactly by blocks
+dtm                  The paper's scheme: differential transformation in time
+stepping             RODAS4, step control, whole revolutions; any system by ``bind``
+"""

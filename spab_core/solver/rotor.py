@@ -1,0 +1,121 @@
+"""Disc and journal on an elastic shaft, asperity contact at the wall (docs/model.md).
+
+Rotor state: [X2, Y2, X1, Y1, X2', Y2', X1', Y1'], journal (2) before disc (1). A rigid rotor is its journal alone; the disc
+entries of its state then stay zero and mean nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from spab_core.design.model import Design
+
+ROTOR_STATES = 8
+CENTRE = 0.1  # eccentricity under which no asperity is in reach: a force there, however small, would turn with the direction
+RAMP_REVOLUTIONS = 30.0
+
+
+class RotorCoefficients(NamedTuple):
+    """The rotor's equations, divided by its masses.
+
+    Attributes
+    ----------
+    coupling_disc, coupling_journal : float
+        K/M1 and K/M2 (0, 0 for the rigid rotor).
+    inverse_mass : float
+        1/M2: film and contact act on the journal (1/M for the rigid rotor).
+    unbalance_disc, unbalance_journal : float
+        Accelerations rho on the disc; (1 - mu_j) rho on the rigid rotor as a whole.
+    gravity_disc, gravity_journal : float
+        W/M, along -Y.
+    contact_force, roughness, friction, damping : float
+        f0, s, mu_f, d of the asperity law.
+    ramp : float
+        Load and unbalance rise linearly from zero over this much tau.
+    """
+
+    coupling_disc: float
+    coupling_journal: float
+    inverse_mass: float
+    unbalance_disc: float
+    unbalance_journal: float
+    gravity_disc: float
+    gravity_journal: float
+    contact_force: float
+    roughness: float
+    friction: float
+    damping: float
+    ramp: float
+
+
+def build_rotor(design: Design, rotor_mass: float, bearing_number: float,
+                ramp_revolutions: float = RAMP_REVOLUTIONS) -> RotorCoefficients:
+    """Coefficients of the rotor's equations.
+
+    Parameters
+    ----------
+    design : Design
+    rotor_mass : float
+        Whole mass on one bearing, kg.
+    bearing_number : float
+        Lambda.
+    ramp_revolutions : float
+        Length of the start-up ramp; 0 for none.
+
+    Returns
+    -------
+    RotorCoefficients
+    """
+    mass = design.mass_number(rotor_mass, bearing_number)
+    fraction = design.rotor.journal_mass_fraction
+    rho, weight = design.unbalance_number, design.load_number(rotor_mass) / mass
+    contact = design.contact
+    if design.rigid:
+        k_disc = k_journal = unbalance_disc = gravity_disc = 0.0
+        inverse_mass, unbalance_journal = 1.0 / mass, (1.0 - fraction) * rho
+    else:
+        k = design.shaft_stiffness_number
+        k_disc, k_journal = k / ((1.0 - fraction) * mass), k / (fraction * mass)
+        inverse_mass, unbalance_disc, unbalance_journal, gravity_disc = 1.0 / (fraction * mass), rho, 0.0, weight
+    return RotorCoefficients(k_disc, k_journal, inverse_mass, unbalance_disc, unbalance_journal, gravity_disc, weight,
+                             contact.force_at_closure, contact.roughness, contact.friction, contact.damping,
+                             2.0 * math.pi * ramp_revolutions)
+
+
+def contact_force(rotor: RotorCoefficients, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
+    """Force of the wall on the journal, over p_a R²: -f (1 + d v_r) n - mu_f f t, f = f0 exp(-(1 - e)/s); none under CENTRE."""
+    e = math.hypot(x, y)
+    if e < CENTRE:
+        return 0.0, 0.0
+    nx, ny = x / e, y / e
+    f = rotor.contact_force * math.exp(-(1.0 - e) / rotor.roughness)
+    normal = f * (1.0 + rotor.damping * (vx * nx + vy * ny))
+    return -normal * nx + rotor.friction * f * ny, -normal * ny - rotor.friction * f * nx
+
+
+def rotor_slope(rotor: RotorCoefficients, tau: float, q, force) -> list[float]:
+    """d/dtau of the eight rotor states, the readable formula.
+
+    Parameters
+    ----------
+    rotor : RotorCoefficients
+    tau : float
+        Shaft angle since the start.
+    q : sequence of 8 floats
+        Rotor state.
+    force : tuple of 2 floats
+        Film force over p_a R².
+    """
+    x2, y2, x1, y1, vx2, vy2, vx1, vy1 = q
+    ramp = min(tau / rotor.ramp, 1.0) if rotor.ramp > 0.0 else 1.0
+    cx, cy = contact_force(rotor, x2, y2, vx2, vy2)
+    c, s = ramp * math.cos(tau), ramp * math.sin(tau)
+    return [
+        vx2, vy2, vx1, vy1,
+        rotor.coupling_journal * (x1 - x2) + rotor.inverse_mass * (force[0] + cx) + rotor.unbalance_journal * c,
+        rotor.coupling_journal * (y1 - y2) + rotor.inverse_mass * (force[1] + cy) + rotor.unbalance_journal * s
+        - ramp * rotor.gravity_journal,
+        -rotor.coupling_disc * (x1 - x2) + rotor.unbalance_disc * c,
+        -rotor.coupling_disc * (y1 - y2) + rotor.unbalance_disc * s - ramp * rotor.gravity_disc,
+    ]

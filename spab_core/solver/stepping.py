@@ -1,0 +1,422 @@
+"""Time integration of state and tangent, revolution by revolution.
+
+:func:`advance` drives any system that offers the functions listed in :mod:`spab_core.solver.slope`; :func:`bind` compiles it
+for another one (the tests run Lorenz, Duffing and Ueda through the very code that runs the rotor). Two methods:
+
+``rodas``
+    RODAS4 (Hairer and Wanner, Solving ODEs II, section VI.4): Rosenbrock, order 4(3), six stages, L-stable and stiffly
+    accurate, with the exact Jacobian. The tangent is the exact derivative of the step, second derivative of the slope
+    included. The step follows the embedded error estimate.
+``dtm``
+    The paper's differential transformation: Taylor recurrences of high order in time (:mod:`spab_core.solver.dtm`), explicit.
+"""
+
+from __future__ import annotations
+
+import math
+import types
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numba import njit
+from numba.extending import overload
+
+from spab_core.solver.curvature import add_curvature, prepare_curvature
+from spab_core.solver.dtm import DTM_ORDER, build_series, dtm_step
+from spab_core.solver.film import Film, film_index, film_size
+from spab_core.solver.linear_solve import linearise, solve
+from spab_core.solver.rotor import ROTOR_STATES
+from spab_core.solver.simd import WIDTH, aligned_zeros, inner, kernel, splat, vload, vstore, vsum
+from spab_core.solver.slope import Work, build_work, error_norm, slope, slope_tangent, time_slope
+
+METHODS = ("rodas", "dtm")
+REVOLUTION = 2.0 * math.pi
+CONTACT_ECCENTRICITY, TOUCHDOWN_ECCENTRICITY = 0.9, 0.9995
+OK, TOUCHDOWN, STEP_TOO_SMALL, TOO_MANY_STEPS = 0, 1, 2, 3
+STATUS = ("ok", "touchdown", "step-too-small", "too-many-steps")
+STATUS_TEXT = {
+    "ok": "the run completed",
+    "touchdown": "the journal touched the wall",
+    "step-too-small": "the step fell below its limit: somewhere near the wall the film lost all gas; a finer mesh may help, "
+                      "else less load, unbalance or suction",
+    "too-many-steps": "a revolution takes too many steps: rotor and film vibrate, or bounce on or fall to the wall, far faster "
+                      "than the shaft turns; method rodas takes the fewest",
+}
+
+DEFAULT_TOLERANCE = 1.5e-3
+TANGENT_SLACK = 10.0  # how much larger than the state's the error of the unit tangent may be
+TANGENT_STEP = REVOLUTION / 80.0  # at the default tolerance the tangent alone asks for no shorter steps: modes that need them
+# die within a fraction of a revolution
+MAX_STEP = REVOLUTION / 8.0
+_MIN_STEP = 1e-10
+_SUBSAMPLES = 4  # of a step, for contact share and largest eccentricity
+
+# RODAS4 in the form of Hairer and Wanner's code: gamma, a_ij, gamma c_ij, alpha_i, gamma_i
+_GAMMA = 0.25
+_A = np.array([
+    [0, 0, 0, 0, 0],
+    [1.544, 0, 0, 0, 0],
+    [0.9466785280815826, 0.2557011698983284, 0, 0, 0],
+    [3.314825187068521, 2.896124015972201, 0.9986419139977817, 0, 0],
+    [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 0]])
+_ONE = np.ones(1)  # a_6j = a_5j and a_65 = 1: the sixth stage starts where the fifth ends
+_C = _GAMMA * np.array([
+    [0, 0, 0, 0, 0],
+    [-5.6688, 0, 0, 0, 0],
+    [-2.430093356833875, -0.2063599157091915, 0, 0, 0],
+    [-0.1073529058151375, -9.594562251023355, -20.47028614809616, 0, 0],
+    [7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160, 0],
+    [8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054]])
+_ALPHA = np.array([0.0, 0.386, 0.21, 0.63, 1.0, 1.0])
+_GAMMA_I = np.array([0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0])
+
+
+class Options(NamedTuple):
+    """How to integrate.
+
+    Attributes
+    ----------
+    tolerance : float
+        Largest error estimate of a step (``kernels.error_norm``), unless ``fixed``.
+    max_step : float
+        Largest step in tau; the step itself where ``fixed``.
+    fixed : bool
+        Keep the step, ignore the error estimate.
+    tangent : bool
+        Integrate the tangent too.
+    period : float
+        Length of a revolution in tau: 2 pi for the rotor.
+    max_steps : int
+        In one revolution.
+    """
+
+    tolerance: float = DEFAULT_TOLERANCE
+    max_step: float = MAX_STEP
+    fixed: bool = False
+    tangent: bool = False
+    period: float = REVOLUTION
+    max_steps: int = 400_000
+
+
+class Record(NamedTuple):
+    """What :func:`advance` writes, a row a revolution.
+
+    Attributes
+    ----------
+    section : ndarray, (revolutions, 8)
+        Rotor state at the end of each revolution.
+    growth : ndarray, (revolutions,)
+        Natural log of the tangent's growth in each revolution.
+    contact : ndarray, (revolutions,)
+        Share of the revolution's time at an eccentricity above 0.9.
+    peak : ndarray, (revolutions,)
+        Largest eccentricity.
+    path : ndarray, (revolutions, samples, 8)
+        Rotor states at equal spacing, the first at the start of the revolution.
+    tangent : ndarray, (revolutions, size of the state) or (revolutions, 0)
+        Unit tangent at the end of each revolution, where asked for.
+    """
+
+    section: np.ndarray
+    growth: np.ndarray
+    contact: np.ndarray
+    peak: np.ndarray
+    path: np.ndarray
+    tangent: np.ndarray
+
+
+def build_record(revolutions: int, samples: int, tangent_size: int = 0) -> Record:
+    """Allocate a record."""
+    return Record(np.full((revolutions, ROTOR_STATES), np.nan), np.full(revolutions, np.nan),
+                  np.full(revolutions, np.nan), np.full(revolutions, np.nan),
+                  np.full((revolutions, samples, ROTOR_STATES), np.nan), np.full((revolutions, tangent_size), np.nan))
+
+
+class Memory(NamedTuple):
+    """State, tangent and scratch of one trajectory; ``control`` is [next step, steps, rejected, last step, its error].
+
+    ``series`` is None for ``rodas``: its type tells the compiler which of the methods to compile.
+    """
+
+    work: Work
+    stages: np.ndarray
+    series: np.ndarray | None
+    state: np.ndarray
+    tangent: np.ndarray
+    control: np.ndarray
+
+
+def build_memory(film: Film, method: str = "rodas") -> Memory:
+    """Memory of one trajectory at the cold start: rotor at rest at the centre, P = 1, a fixed generic tangent.
+
+    The tangent's entries for padded film cells and for the unused disc of a rigid rotor stay zero for all time.
+    """
+    n = film_size(film)
+    size = n + ROTOR_STATES
+    state, tangent = aligned_zeros(size), aligned_zeros(size)
+    state[:n] = 1.0
+    places = film_index(film)
+    tangent[places] = np.random.default_rng(0).standard_normal(places.shape) / math.sqrt(n)
+    tangent[n], tangent[n + 1], tangent[n + 4], tangent[n + 5] = 0.5, 0.3, 0.4, -0.2
+    tangent /= np.linalg.norm(tangent)
+    stages = aligned_zeros(20 * size).reshape(20, size)
+    return Memory(build_work(film), stages, build_series(film) if method == "dtm" else None, state, tangent, np.zeros(5))
+
+
+@inner
+def _sum_of(scale, base, share, extra, stages, first, count, weights, out):
+    """The sum of :func:`_weighted_sum` over ``count`` stages, a constant that lets the compiler unroll it."""
+    size = out.size
+    for k in range(0, size, WIDTH):
+        total = vload(base, k) * scale
+        if share != 0.0:
+            total = total + vload(extra, k) * share
+        for j in range(count):
+            total = total + vload(stages, (first + j) * size + k) * weights[j]
+        vstore(out, k, total)
+
+
+@inner
+def _weighted_sum(scale, base, share, extra, stages, first, count, weights, out):
+    """out = scale base + share extra + sum over j < count of weights[j] stages[first + j]; ``stages`` is flat."""
+    if count == 0:
+        _sum_of(scale, base, share, extra, stages, first, 0, weights, out)
+    elif count == 1:
+        _sum_of(scale, base, share, extra, stages, first, 1, weights, out)
+    elif count == 2:
+        _sum_of(scale, base, share, extra, stages, first, 2, weights, out)
+    elif count == 3:
+        _sum_of(scale, base, share, extra, stages, first, 3, weights, out)
+    elif count == 4:
+        _sum_of(scale, base, share, extra, stages, first, 4, weights, out)
+    else:
+        _sum_of(scale, base, share, extra, stages, first, 5, weights, out)
+
+
+@kernel
+def rodas_step(system, work, stages, t, h, u, v, with_tangent):
+    """One RODAS4 step of state and tangent.
+
+    Returns the error norm (inf: invalid); the new state is stages[12], the new tangent stages[13].
+    """
+    new, new_v, du, dv, rate = stages[12], stages[13], stages[14], stages[15], stages[16]
+    if not linearise(system, _GAMMA * h, u, work):
+        return math.inf
+    time_slope(system, t, rate)
+    if with_tangent:
+        prepare_curvature(system, u, v, work)
+    flat = stages.reshape(-1)
+    for i in range(6):
+        if i < 5:
+            _weighted_sum(1.0, u, 0.0, u, flat, 0, i, _A[i], new)
+        else:
+            _weighted_sum(1.0, new, 0.0, new, flat, 4, 1, _ONE, new)
+        if with_tangent:
+            if i < 5:
+                _weighted_sum(1.0, v, 0.0, v, flat, 6, i, _A[i], new_v)
+            else:
+                _weighted_sum(1.0, new_v, 0.0, new_v, flat, 10, 1, _ONE, new_v)
+            inside = slope_tangent(system, t + _ALPHA[i] * h, new, new_v, work, du, dv)
+        else:
+            inside = slope(system, t + _ALPHA[i] * h, new, work, du)
+        if not inside:
+            return math.inf
+        _weighted_sum(_GAMMA * h, du, _GAMMA * h * h * _GAMMA_I[i], rate, flat, 0, i, _C[i], stages[i])
+        for part in range(2 if with_tangent else 1):
+            if part == 1:
+                _weighted_sum(_GAMMA * h, dv, 0.0, rate, flat, 6, i, _C[i], stages[6 + i])
+                add_curvature(system, u, v, stages[i], _GAMMA * h, work, stages[6 + i])
+            solve(system, work, stages[6 * part + i])
+    size, wrong = splat(0.0), splat(0.0)
+    for k in range(0, new.size, WIDTH):
+        vstore(new, k, vload(new, k) + vload(stages[5], k))
+        if with_tangent:
+            error_v = vload(stages[11], k)
+            total = vload(new_v, k) + error_v
+            vstore(new_v, k, total)
+            size, wrong = size + total * total, wrong + error_v * error_v
+    error = error_norm(system, work, new, stages[5])
+    if with_tangent:  # a light, fast mode that the orbit does not excite must not be damped by long steps
+        worth = 0.6 * DEFAULT_TOLERANCE * (h / TANGENT_STEP)**4
+        error = max(error, min(math.sqrt(vsum(wrong) / vsum(size)) / TANGENT_SLACK, worth))
+    return error
+
+
+def take_step(system, memory, t, h, with_tangent):
+    """One step of the method that the memory is for; returns the error norm and minus the reciprocal of its order."""
+    raise NotImplementedError  # compiled only
+
+
+@overload(take_step, jit_options={"error_model": "numpy", "nogil": True})
+def _take_step(system, memory, t, h, with_tangent):
+    if isinstance(memory.types[memory.fields.index("series")], numba.types.NoneType):
+        return lambda system, memory, t, h, with_tangent: (rodas_step(
+            system, memory.work, memory.stages, t, h, memory.state, memory.tangent, with_tangent), -0.25)
+    return lambda system, memory, t, h, with_tangent: (dtm_step(
+        system, memory.work, memory.stages, memory.series, t, h, memory.state, memory.tangent, with_tangent), -1.0 / DTM_ORDER)
+
+
+@kernel
+def _hermite(a, b, da, db, s, h):
+    """Cubic through values and slopes at the ends of a step, at the fraction s: value and derivative."""
+    d = b - a
+    c2, c3 = 3.0 * d - h * (2.0 * da + db), -2.0 * d + h * (da + db)
+    return a + s * (h * da + s * (c2 + s * c3)), da + s * (2.0 * c2 + 3.0 * s * c3) / h
+
+
+@kernel
+def observe(u, new, h, row, record):
+    """Contact time, largest eccentricity and touchdown within one step, from its cubic interpolant."""
+    n = u.size - ROTOR_STATES
+    touchdown = False
+    for k in range(1, _SUBSAMPLES + 1):
+        s = k / _SUBSAMPLES
+        x, _ = _hermite(u[n], new[n], u[n + 4], new[n + 4], s, h)
+        y, _ = _hermite(u[n + 1], new[n + 1], u[n + 5], new[n + 5], s, h)
+        e = math.sqrt(x * x + y * y)
+        if e > record.peak[row]:
+            record.peak[row] = e
+        if e > CONTACT_ECCENTRICITY:
+            record.contact[row] += h / _SUBSAMPLES
+        touchdown = touchdown or e >= TOUCHDOWN_ECCENTRICITY
+    return touchdown
+
+
+@kernel
+def sample(u, new, t, h, start, spacing, row, record):
+    """Fill the path samples that fall into the step [t, t + h)."""
+    n = u.size - ROTOR_STATES
+    samples = record.path.shape[1]
+    k = max(0, math.ceil((t - start) / spacing - 1e-9))
+    while k < samples and start + k * spacing < t + h * (1.0 - 1e-12):
+        s = (start + k * spacing - t) / h
+        for c in range(4):
+            x, v = _hermite(u[n + c], new[n + c], u[n + 4 + c], new[n + 4 + c], s, h)
+            record.path[row, k, c], record.path[row, k, 4 + c] = x, v
+        k += 1
+
+
+@kernel
+def advance(system, memory, options, first, revolutions, record):
+    """Integrate whole revolutions from the state and tangent in ``memory``, in place.
+
+    Parameters
+    ----------
+    system : tuple
+        (Film, RotorCoefficients), or what a bound system takes.
+    memory : Memory
+    options : Options
+    first : int
+        Number of revolutions done since the start of the run: tau = first * period.
+    revolutions : int
+        How many to do; row r of ``record`` receives revolution r.
+    record : Record
+
+    Returns
+    -------
+    status, done : int
+        Index into :data:`STATUS` and the number of complete revolutions.
+    """
+    u, v, stages, control = memory.state, memory.tangent, memory.stages, memory.control
+    new, new_v = stages[12], stages[13]
+    samples = record.path.shape[1]
+    for row in range(revolutions):
+        start = (first + row) * options.period
+        end = (first + row + 1) * options.period
+        t, growth = start, 0.0
+        record.contact[row] = record.peak[row] = 0.0
+        steps = 0
+        while t < end:
+            natural = min(control[0], options.max_step) if control[0] > 0.0 else 0.1 * options.max_step
+            if options.fixed:
+                natural = options.max_step
+            # equal steps to the end of the revolution: they meet it, and a periodic orbit meets the same steps every time
+            remaining = end - t
+            count = math.ceil(remaining / natural * (1.0 - 1e-9))
+            h = remaining / count
+            error, exponent = take_step(system, memory, t, h, options.tangent)
+            steps += 1
+            control[1] += 1.0
+            size = error / options.tolerance
+            if not math.isfinite(size):
+                factor = 0.25
+            else:
+                factor = 0.9 * max(size, 1e-12) ** exponent
+                if size <= 1.0 and control[3] > 0.0 and size > 1e-3:
+                    # Gustafsson's predictive control: where errors grow from step to step, shrink ahead of them
+                    factor = min(factor, factor * h / control[3] * (size / control[4]) ** exponent)
+                factor = min(4.0, max(0.2, factor))
+            if not size <= 1.0 and not (options.fixed and math.isfinite(size)):
+                control[0] = h * min(factor, 0.9)
+                control[2] += 1.0
+                if control[0] < _MIN_STEP or options.fixed:
+                    return STEP_TOO_SMALL, row
+                if steps > options.max_steps:
+                    return TOO_MANY_STEPS, row
+                continue
+            control[3], control[4] = h, max(size, 1e-3)
+            # a step cut short to meet the end of the revolution does not shrink the next one
+            control[0] = h * factor if h > 0.7 * natural else max(natural, h * factor)
+            touchdown = observe(u, new, h, row, record)
+            if samples > 0:
+                sample(u, new, t, h, start, options.period / samples, row, record)
+            for k in range(0, u.size, WIDTH):
+                vstore(u, k, vload(new, k))
+            t = end if count == 1 else t + h
+            if touchdown:
+                return TOUCHDOWN, row
+            if options.tangent:
+                total = splat(0.0)
+                for k in range(0, v.size, WIDTH):
+                    total = total + vload(new_v, k) * vload(new_v, k)
+                norm = 0.0
+                vstore(stages[14], 0, total)
+                for k in range(WIDTH):
+                    norm += stages[14, k]
+                norm = math.sqrt(norm)
+                if not (norm > 0.0 and math.isfinite(norm)):
+                    return STEP_TOO_SMALL, row
+                growth += math.log(norm)
+                for k in range(0, v.size, WIDTH):
+                    vstore(v, k, vload(new_v, k) * (1.0 / norm))
+            if steps > options.max_steps:
+                return TOO_MANY_STEPS, row
+        n = u.size - ROTOR_STATES
+        for c in range(ROTOR_STATES):
+            record.section[row, c] = u[n + c]
+        record.growth[row] = growth
+        for k in range(record.tangent.shape[1]):
+            record.tangent[row, k] = v[k]
+    return OK, revolutions
+
+
+def bind(function, **replacements):
+    """Compile ``function`` (from this module) for another system.
+
+    The code object is the same; only the global names it calls are replaced, in it and in what it calls here.
+
+    Parameters
+    ----------
+    function : dispatcher
+        :func:`advance` or :func:`rodas_step`.
+    **replacements : dispatcher
+        Compiled functions by the name they replace: ``slope``, ``slope_tangent``, ``time_slope``, ``linearise``, ``solve``,
+        ``prepare_curvature``, ``add_curvature``, ``error_norm``, ``observe``, or the whole ``rodas_step``.
+
+    Returns
+    -------
+    dispatcher
+    """
+    names = {**globals(), **replacements}
+    if function is advance:
+        rodas = replacements.get("rodas_step") or bind(rodas_step, **replacements)
+        names["take_step"] = njit(nogil=True)(lambda system, memory, t, h, with_tangent: (
+            rodas(system, memory.work, memory.stages, t, h, memory.state, memory.tangent, with_tangent), -0.25))
+    source = function.py_func
+    return njit(nogil=True)(types.FunctionType(source.__code__, names, source.__name__))
+
+
+__all__ = ["DEFAULT_TOLERANCE", "MAX_STEP", "METHODS", "OK", "REVOLUTION", "STATUS", "STATUS_TEXT", "Memory", "Options",
+           "Record", "advance", "bind", "build_memory", "build_record",
+           "rodas_step"]

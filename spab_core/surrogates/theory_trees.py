@@ -1,0 +1,52 @@
+"""A regressor that starts from linear theory: it learns what it leaves of the exponent, from the cells that were solved.
+
+Where the rotor is strongly damped (small bearing number) the linear decay rate is the exponent but for a few percent; where
+it whirls linear theory says nothing but that, and the exponent is near 0. So the baseline is the rate where it is negative, 0
+elsewhere, and what remains is learnt times the bearing number, in which it is smooth: exponents grow as 1/bearing number.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.ensemble import ExtraTreesRegressor
+
+from spab_core.linear_theory.linear_table import FEATURES, LinearFeatures, LinearTable
+
+TREES = 100
+
+
+def baseline(features: np.ndarray) -> np.ndarray:
+    """Exponent by linear theory, (n,), per revolution, from features (n, 6): the rate of decay, 0 where the rotor whirls."""
+    return np.minimum(features[:, FEATURES.index("linear rate")], 0.0)
+
+
+class TheoryTrees(RegressorMixin, BaseEstimator):
+    """Extra trees on bearing number, rotor mass, M and linear theory, for what linear theory leaves.
+
+    Parameters
+    ----------
+    table : LinearTable
+        Linear stability of the design.
+    seed : int
+    """
+
+    def __init__(self, table: LinearTable, seed: int = 0):
+        self.table = table
+        self.seed = seed
+
+    def _prepare(self, X):
+        X = np.asarray(X, float)
+        features = LinearFeatures(self.table).transform(X)
+        return X[:, 0], features, baseline(features)
+
+    def fit(self, X, y):
+        """Learn from X (n, 2), bearing number and rotor mass in kg, and exponents y (n,)."""
+        number, features, linear = self._prepare(X)
+        self.trees_ = ExtraTreesRegressor(TREES, random_state=self.seed).fit(features, (y - linear) * number)
+        return self
+
+    def predict(self, X):
+        """Exponents (n,) at X (n, 2)."""
+        number, features, linear = self._prepare(X)
+        return linear + self.trees_.predict(features) / number

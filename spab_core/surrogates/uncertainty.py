@@ -1,0 +1,305 @@
+"""How sure a surrogate is: conformal intervals of the exponent and a calibrated probability that a point is unstable.
+
+Unstable means that the exponent is not negative: the motion is not periodic, but quasi-periodic or chaotic.
+
+A quarter of the training cells is not trained on: how wrong the model is there sets the width of the intervals (split
+conformal prediction, the library crepes), for each predicted regime apart (Mondrian) and in proportion to how much the
+training cells around a point differ. Cells drawn at random from the same plane are then covered nine times in ten.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from crepes import ConformalRegressor
+from crepes.extras import DifficultyEstimator
+from sklearn.isotonic import IsotonicRegression
+
+from spab_core.common.errors import InputError
+from spab_core.common.files import write_atomically
+from spab_core.common.npz import UNREADABLE, npz_bytes, open_npz
+from spab_core.linear_theory.linear_table import LinearFeatures, LinearTable, shipped_table
+from spab_core.maps.stability_map import StabilityMap
+from spab_core.surrogates.classifier import PredictedRegimes, RegimeTrees, predict_regimes
+from spab_core.surrogates.models import Model, Surrogate, linear_table_of, solved_cells, train, training_mask
+from spab_core.surrogates.theory_trees import baseline
+from spab_core.trajectory.regimes import REGIMES
+
+CONFIDENCE = 0.9
+CALIBRATION = 0.25  # share of the training cells
+MIN_CALIBRATION = 20  # cells: fewer give no interval at this confidence for a regime of its own
+_NEIGHBOURS = 12
+
+
+class TooFewCells(InputError):
+    """Training cells that leave too few to calibrate with."""
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """What :func:`calibrate` learnt.
+
+    Attributes
+    ----------
+    surrogate : Surrogate
+        Trained on three quarters of the training cells: the intervals are its.
+    classifier : RegimeTrees
+        Trained on the same cells.
+    calibration_cells : int
+    """
+
+    surrogate: Surrogate
+    classifier: RegimeTrees
+    calibration_cells: int
+    _difficulty: DifficultyEstimator
+    _conformal: ConformalRegressor
+    _bins: np.ndarray
+    _unstable: IsotonicRegression
+    _scale: np.ndarray
+
+    def intervals(self, bearing_number: np.ndarray, rotor_mass: np.ndarray,
+                  confidence: float = CONFIDENCE) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper bounds of the exponent per revolution, at points given by arrays (n,), rotor mass in kg."""
+        inputs = np.column_stack([bearing_number, rotor_mass]).astype(float)
+        bins = self._bins[self.classifier.predict_proba(inputs).argmax(axis=1)]
+        sigmas = self._difficulty.apply(inputs / self._scale)
+        found = self._conformal.predict_int(self.surrogate.predict(*inputs.T), sigmas=sigmas, bins=bins, confidence=confidence)
+        return found[:, 0], found[:, 1]
+
+    def unstable(self, bearing_number: np.ndarray, rotor_mass: np.ndarray) -> np.ndarray:
+        """Probability (n,) that a point is not periodic, at points given by arrays (n,), rotor mass in kg."""
+        inputs = np.column_stack([bearing_number, rotor_mass]).astype(float)
+        return self._unstable.predict(1.0 - self.classifier.predict_proba(inputs)[:, REGIMES.index("periodic")])
+
+
+def calibrate(kind: Model, inputs: np.ndarray, mle: np.ndarray, regime: np.ndarray, seed: int = 0,
+              table: LinearTable | None = None, trained: tuple[Surrogate, RegimeTrees] | None = None) -> Uncertainty:
+    """Train on three quarters of the cells and calibrate on the others.
+
+    Parameters
+    ----------
+    kind : Model
+    inputs : ndarray, (n, 2)
+        Training cells: bearing number and rotor mass in kg.
+    mle : ndarray, (n,)
+        Per revolution, finite.
+    regime : ndarray of str, (n,)
+    seed : int
+        Of the split and of the models.
+    table : LinearTable
+        Of the design; left out: the reference design's.
+    trained : Surrogate and RegimeTrees
+        Trained on these three quarters before; left out: trained now.
+
+    Returns
+    -------
+    Uncertainty
+
+    Raises
+    ------
+    TooFewCells
+    """
+    table = table or shipped_table()
+    count = int(CALIBRATION * len(mle))
+    if count < MIN_CALIBRATION:
+        raise TooFewCells(f"{len(mle)} training cells are too few for intervals: at least "
+                          f"{int(MIN_CALIBRATION / CALIBRATION)} are needed")
+    order = np.random.default_rng([seed, 1]).permutation(len(mle))  # not the draw of the training cells again
+    held, used = order[:count], order[count:]
+    surrogate, classifier = trained or (train(kind, inputs[used], mle[used], seed, table),
+                                        RegimeTrees(table, seed).fit(inputs[used], regime[used]))
+    scale = np.ptp(inputs, axis=0) + 1e-300
+    varies = mle - baseline(LinearFeatures(table).transform(inputs)) if kind.theory else mle  # what the model has to learn
+    difficulty = DifficultyEstimator().fit(X=inputs[used] / scale, y=varies[used], k=min(_NEIGHBOURS, len(used)), scaler=False,
+                                           beta=0.01)
+    probability = classifier.predict_proba(inputs[held])
+    predicted = probability.argmax(axis=1)
+    enough = np.bincount(predicted, minlength=len(REGIMES)).min() >= MIN_CALIBRATION
+    bins = np.arange(len(REGIMES)) if enough else np.zeros(len(REGIMES), int)  # too few of one regime: all share one width
+    conformal = ConformalRegressor().fit(mle[held] - surrogate.predict(*inputs[held].T), bins=bins[predicted],
+                                         sigmas=difficulty.apply(inputs[held] / scale))
+    unstable = IsotonicRegression(y_min=0.0, y_max=1.0, out_of_bounds="clip")
+    unstable.fit(1.0 - probability[:, REGIMES.index("periodic")], regime[held] != "periodic")
+    return Uncertainty(surrogate, classifier, count, difficulty, conformal, bins, unstable, scale)
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """What says at any point of a map's plane how sure a surrogate is.
+
+    Attributes
+    ----------
+    regimes : RegimeTrees
+        Trained on all training cells.
+    calibrated : Uncertainty
+    """
+
+    regimes: RegimeTrees
+    calibrated: Uncertainty
+
+
+def certainty(m: StabilityMap, kind: Model, divisor: int, seed: int = 0,
+              trained: tuple[Surrogate, RegimeTrees, RegimeTrees] | None = None) -> Certainty:
+    """What :func:`uncertain_map` asks, without predicting the whole map.
+
+    Parameters
+    ----------
+    m, kind, divisor, seed
+        As there.
+    trained : Surrogate, RegimeTrees and RegimeTrees
+        Trained before: the first two on three quarters of the training cells, the last on all; left out: trained now.
+
+    Raises
+    ------
+    TooFewCells
+    InputError
+        For a fraction that leaves too few cells to train on.
+    """
+    index, inputs, mle = solved_cells(m)
+    chosen = training_mask(len(mle), divisor, seed)
+    regime, table = m.regime.ravel()[index][chosen], linear_table_of(m)
+    calibrated = calibrate(kind, inputs[chosen], mle[chosen], regime, seed, table, trained[:2] if trained else None)
+    return Certainty(trained[2] if trained else RegimeTrees(table, seed).fit(inputs[chosen], regime), calibrated)
+
+
+@dataclass(frozen=True)
+class MapIntervals:
+    """Regimes, intervals and probabilities of a whole map from some of its own cells.
+
+    Attributes
+    ----------
+    low, high : ndarray, (B, M)
+        Bounds of the 90 % intervals, per revolution; nan where the map has no exponent.
+    unstable : ndarray, (B, M)
+        Probability that the motion is not periodic; nan likewise.
+    regime : ndarray of str, (B, M)
+        By the classifier trained on all training cells; "" likewise.
+    held_out : ndarray of bool, (B, M)
+        Cells that scores are measured on.
+    seconds : float
+        Of training both.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    unstable: np.ndarray
+    regime: np.ndarray
+    held_out: np.ndarray
+    seconds: float
+
+
+@dataclass(frozen=True)
+class MapUncertainty(MapIntervals):
+    """The same with what was trained for it.
+
+    Attributes
+    ----------
+    regimes : PredictedRegimes
+    calibrated : Uncertainty
+    """
+
+    regimes: PredictedRegimes
+    calibrated: Uncertainty
+
+
+STEPS = 3  # of uncertain_map
+
+
+def uncertain_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0, split: str = "random",
+                  progress: Callable[[int], None] = lambda steps: None, known: Certainty | None = None) -> MapUncertainty:
+    """Regimes, intervals and probabilities of a map from the training cells of ``surrogates.predict_map``.
+
+    Parameters
+    ----------
+    m : StabilityMap
+    kind : Model
+    divisor, seed, split
+        As in ``surrogates.predict_map``.
+    progress : callable
+        Called with the steps done since the last call, :data:`STEPS` in all.
+    known : Certainty
+        Of the same cells; left out: trained and calibrated now.
+
+    Raises
+    ------
+    TooFewCells
+    InputError
+        For a split that cannot be made.
+    """
+    regimes = predict_regimes(m, divisor, seed, split, known.regimes if known else None)
+    progress(1)
+    index, inputs, mle = solved_cells(m)
+    chosen = regimes.trained.ravel()[index]
+    began = time.perf_counter()
+    found = known.calibrated if known else calibrate(kind, inputs[chosen], mle[chosen], m.regime.ravel()[index][chosen], seed,
+                                                     linear_table_of(m))
+    seconds = regimes.train_seconds + time.perf_counter() - began
+    progress(1)
+    values = np.full((3, m.mle.size), np.nan)
+    values[:2, index] = found.intervals(*inputs.T)
+    values[2, index] = found.unstable(*inputs.T)
+    low, high, unstable = values.reshape(3, *m.shape)
+    progress(1)
+    return MapUncertainty(low, high, unstable, regimes.regime, regimes.held_out, seconds, regimes, found)
+
+
+_ARRAYS: dict[str, Any] = {"low": np.float32, "high": np.float32, "unstable": np.float32, "regime": "<U14", "held_out": bool}
+
+
+def save_intervals(found: MapIntervals, path: str | Path) -> None:
+    """Write the intervals of a map as NPZ, atomically."""
+    arrays = {name: getattr(found, name).astype(dtype) for name, dtype in _ARRAYS.items()}
+    write_atomically(path, npz_bytes(arrays | {"seconds": np.array(found.seconds)}))
+
+
+def load_intervals(path: str | Path, m: StabilityMap) -> MapIntervals:
+    """Read what :func:`save_intervals` wrote for this map; nothing in it is ever unpickled.
+
+    Raises
+    ------
+    InputError
+        For a file that is none, or does not fit the map.
+    """
+    try:
+        with open_npz(path) as data:
+            arrays = {name: data.fitting(name, dtype, m.shape) for name, dtype in _ARRAYS.items()}
+            seconds = float(data.fitting("seconds", float, ()))
+    except UNREADABLE as error:
+        raise InputError(f"cannot read the intervals in {path} ({str(error)[:100]})") from None
+    return MapIntervals(**arrays, seconds=seconds)
+
+
+def reliability(unstable: np.ndarray, probability: np.ndarray, bins: int = 10) -> tuple[pd.DataFrame, float]:
+    """How often points are unstable that are said to be so with a given probability.
+
+    Parameters
+    ----------
+    unstable : ndarray of bool, (n,)
+    probability : ndarray, (n,)
+    bins : int
+        Of equal width over [0, 1].
+
+    Returns
+    -------
+    DataFrame
+        A row for each bin that is not empty: ``low``, ``high``, ``cells``, ``predicted`` (mean probability) and ``observed``
+        (share of unstable points).
+    float
+        Expected calibration error: mean over the cells of the difference of the two.
+    """
+    which = np.minimum((np.asarray(probability) * bins).astype(int), bins - 1)
+    rows = []
+    for k in range(bins):
+        chosen = which == k
+        if chosen.any():
+            rows.append({"low": k / bins, "high": (k + 1) / bins, "cells": int(chosen.sum()),
+                         "predicted": float(probability[chosen].mean()), "observed": float(unstable[chosen].mean())})
+    found = pd.DataFrame(rows, columns=["low", "high", "cells", "predicted", "observed"])
+    error = float((found["cells"] * (found["predicted"] - found["observed"]).abs()).sum() / max(found["cells"].sum(), 1))
+    return found, error

@@ -1,0 +1,141 @@
+"""Compile the kernels before they are wanted, in a process of its own; one process of a user's compiles at a time.
+
+numba takes some twenty seconds for them and holds the interpreter for half a second at a time meanwhile: no work for a server.
+Its cache on disk (:mod:`spab_core.solver.cache`) hands the kernels from process to process; to load them takes under a second.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import filelock
+import numba
+import numpy as np
+
+from spab_core.design.model import reference_design
+from spab_core.linear_theory.summary import derive
+from spab_core.solver.cache import is_kept
+from spab_core.solver.film import DEFAULT_MESH, Film, Mesh, build_film
+from spab_core.solver.rotor import RotorCoefficients, build_rotor
+from spab_core.solver.slope import build_work, fill_jacobian, unknown_places
+from spab_core.solver.stepping import METHODS, Options, advance, build_memory, build_record
+from spab_core.trajectory.point import solve_point
+from spab_core.trajectory.settings import Settings
+
+SECONDS = 20  # of compiling with nothing else at work (docs/dashboard.md)
+_LOCK = ".compiling.lock"
+_PATIENCE = 600.0  # seconds; a process that compiles for longer has hung
+
+
+def is_compiled(mesh: Mesh = DEFAULT_MESH, method: str = METHODS[0]) -> bool:
+    """Whether this process can solve operating points without compiling, its kernels loaded or kept for this processor."""
+    film, rotor = _system(mesh)
+    return is_kept(advance, (film, rotor), build_memory(film, method), Options(), 0, 1, build_record(1, 0))
+
+
+def is_linear_compiled() -> bool:
+    """The same for what linear theory needs on the usual mesh, which is compiled first."""
+    film, rotor = _system(DEFAULT_MESH)
+    columns, state = unknown_places(film, False), build_memory(film).state
+    return is_kept(fill_jacobian, (film, rotor), state, columns, build_work(film), state.copy(), np.empty((1, len(state))))
+
+
+def _system(mesh: Mesh) -> tuple[Film, RotorCoefficients]:
+    design = reference_design()
+    return build_film(design, 1.0, mesh), build_rotor(design, 1.0, 1.0)
+
+
+@contextlib.contextmanager
+def _turn() -> Iterator[None]:
+    """Wait for another process that compiles into the same folder; without a word go on where nothing can be locked."""
+    lock = filelock.FileLock(Path(numba.config.CACHE_DIR) / _LOCK, timeout=_PATIENCE)
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError, NotImplementedError, filelock.Timeout):
+            stack.enter_context(lock)
+        yield
+
+
+def compile_once() -> None:
+    """Have the kernels: wait for a process that compiles them, or compile them here if none has."""
+    if is_compiled() and is_linear_compiled():
+        return
+    with _turn():
+        if not is_linear_compiled():
+            derive(reference_design(), 4.0, 3.0)  # first: pages with linear theory alone need not wait for the rest
+        if not is_compiled():
+            solve_point(reference_design(), 4.0, 3.0, Settings(transient=0, revolutions=20))
+
+
+class _Background:
+    """A process that compiles, and what became of it."""
+
+    def __init__(self) -> None:
+        self.began, self.failure, self.ended = time.monotonic(), "", threading.Event()
+        package = str(Path(__file__).resolve().parent.parent)
+        path = os.pathsep.join([package, *filter(None, [os.environ.get("PYTHONPATH")])])
+        place = str(Path(numba.config.CACHE_DIR).parent)  # where it finds the folder that this process has chosen
+        try:
+            self.process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "spab_core.trajectory.compiling", str(os.getpid())], stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                env=os.environ | {"PYTHONPATH": path, "NUMBA_CACHE_DIR": place})
+        except OSError as error:
+            self._end(f"no process could be started: {error.strerror or error}")
+        else:
+            threading.Thread(target=self._wait, daemon=True).start()
+
+    def _wait(self) -> None:
+        last = self.process.communicate()[1].decode(errors="replace").strip().rpartition("\n")[2]
+        if code := self.process.returncode:
+            self._end(f"its process ended with code {code}{': ' if last else ''}{last[:200]}")
+        else:
+            self._end("" if is_compiled() else f"no kernels were kept in {numba.config.CACHE_DIR}")
+
+    def _end(self, failure: str) -> None:
+        self.failure = failure
+        self.ended.set()
+
+
+_background: _Background | None = None
+_decided, _mutex = False, threading.Lock()
+
+
+def start() -> None:
+    """Have another process compile the kernels unless they are there; returns at once, and does nothing when called again."""
+    global _background, _decided
+    with _mutex:
+        if not _decided:
+            _decided = True
+            if not (is_compiled() and is_linear_compiled()):
+                _background = _Background()
+
+
+def seconds_so_far() -> float | None:
+    """Since :func:`start`, as long as its process is at work; else None."""
+    found = _background
+    return None if found is None or found.ended.is_set() else time.monotonic() - found.began
+
+
+def failure() -> str:
+    """Why the process of :func:`start` has left no kernels, as a clause; "" where it has, or is at work, or was not needed."""
+    found = _background
+    return found.failure if found is not None and found.ended.is_set() else ""
+
+
+def _main(parent: int) -> int:
+    from spab_core.common.processes import end_with_parent  # which imports this module
+
+    end_with_parent(parent)
+    compile_once()
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(_main(int(sys.argv[1])))

@@ -1,0 +1,27 @@
+"""What a result says of how it was made: design, settings, versions, date."""
+
+from __future__ import annotations
+
+import datetime
+import platform
+
+import numpy as np
+
+from spab_core.design.model import Design
+from spab_core.solver.cache import solver_hash
+from spab_core.trajectory.settings import Settings
+
+
+def map_metadata(design: Design, settings: Settings, shape: tuple[int, ...]) -> dict:
+    """What a map file says about itself, times apart."""
+    import numba
+    import scipy
+
+    from spab_core._version import __version__
+    return {
+        "design": design.to_dict(), **settings.to_dict(), "dimensions": ["bearing_number", "rotor_mass"],
+        "shape": list(shape), "mle_unit": "per revolution, natural logarithm", "rotor_mass_unit": "kg on one bearing",
+        "versions": {"spab": __version__, "python": platform.python_version(), "numpy": np.__version__,
+                     "numba": numba.__version__, "scipy": scipy.__version__},
+        "solver": solver_hash(), "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    }

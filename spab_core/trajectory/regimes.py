@@ -1,0 +1,78 @@
+"""What the rotor does: regime from stroboscopic section and exponent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from spab_core.trajectory.lyapunov import Exponent
+from spab_core.trajectory.periodic_orbit import MAX_PERIOD, repeat_distances
+
+REGIMES = ("periodic", "quasi-periodic", "chaotic")
+SECTION_TOLERANCE = 1e-3  # over C
+_WINDOW = 60  # last section points looked at
+_CHAOS = 0.01  # smallest exponent called chaotic, per revolution
+
+
+@dataclass(frozen=True)
+class Regime:
+    """A regime: ``name`` of :data:`REGIMES`, and the ``period`` in revolutions (0 unless periodic)."""
+
+    name: str
+    period: int = 0
+
+    @property
+    def text(self) -> str:
+        """Such as "periodic-2"."""
+        return f"{self.name}-{self.period}" if self.period else self.name
+
+
+def section_period(section: np.ndarray, tolerance: float = SECTION_TOLERANCE) -> int:
+    """Smallest n <= 16 after which the last section points repeat, 0 if none.
+
+    Parameters
+    ----------
+    section : ndarray, (revolutions, >= 2)
+        Rotor states at tau = 2 pi k; journal and disc positions (the first four columns) are compared.
+    tolerance : float
+        Largest distance between a point and its image, over C.
+    """
+    points = section[-_WINDOW:]
+    for n in range(1, min(MAX_PERIOD, len(points) // 2) + 1):
+        if repeat_distances(points, n).max() < tolerance:
+            return n
+    return 0
+
+
+def _settling_period(section: np.ndarray) -> int:
+    """Period of a section that still contracts towards its cycle: the smallest n whose mismatch halves over the run."""
+    for n in range(1, MAX_PERIOD + 1):
+        if len(section) < 4 * n + 40:
+            return 0
+        mismatch = repeat_distances(section, n)
+        early, late = mismatch[: len(mismatch) // 4].max(), mismatch[-len(mismatch) // 4:].max()
+        if late < 0.5 * early and late < 0.02:
+            return n
+    return 0
+
+
+def classify(section: np.ndarray, mle: Exponent) -> Regime:
+    """Regime of a completed run (docs/model.md).
+
+    Chaotic where the exponent exceeds 0.01 per revolution and three standard errors, in the second half of the measurement
+    too (on a torus the tangent grows like the time: its rate fades); periodic-n where the section
+    repeats after n <= 16 revolutions, or still contracts to such a cycle with a clearly negative exponent; else
+    quasi-periodic.
+
+    Parameters
+    ----------
+    section : ndarray, (revolutions, 8)
+    mle : Exponent
+    """
+    if min(mle.value, mle.late) > _CHAOS and mle.value > 3.0 * mle.standard_error:
+        return Regime("chaotic")
+    period = section_period(section)
+    if not period and mle.value < -3.0 * mle.standard_error:
+        period = _settling_period(section)
+    return Regime("periodic", period) if period else Regime("quasi-periodic")
