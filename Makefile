@@ -60,7 +60,9 @@ oldest:
 
 lint: $(VENV)/.ready
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 
 # the exact versions everything is tested with, for every platform and Python from 3.11 on
 lock: $(VENV)/.ready

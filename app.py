@@ -1,4 +1,6 @@
-"""Home page: the stability map; a click or typed numbers choose an operating point: its margin, solved live beside it."""
+"""Home page: the stability map; a click or typed numbers choose an operating point: its margin,
+solved live beside it.
+"""
 
 import streamlit as st
 
@@ -40,8 +42,10 @@ ORBIT_HEIGHT = 250  # pixels
 
 page_head(HOME)
 # what comes last, the orbit, stands where it will stay: two lines of verdict, three numbers
-st.html(f"<style>.st-key-verdict{{min-height:5rem}} .st-key-point_row{{min-height:{ORBIT_HEIGHT}px}} "
-        "@media(max-width:640px){.st-key-point_numbers{min-height:13.25rem}}</style>")
+st.html(
+    f"<style>.st-key-verdict{{min-height:5rem}} .st-key-point_row{{min-height:{ORBIT_HEIGHT}px}} "
+    "@media(max-width:640px){.st-key-point_numbers{min-height:13.25rem}}</style>"
+)
 
 with errors_in_words():
     m = reference_map()
@@ -66,7 +70,10 @@ left, right = st.columns([1.15, 1], gap="medium")
 
 with left:
     st.markdown("#### Stability map of the reference bearing")
-    layer = st.segmented_control("Layer", LAYERS, key="layer", label_visibility="collapsed") or LAYERS[0]
+    layer = (
+        st.segmented_control("Layer", LAYERS, key="layer", label_visibility="collapsed")
+        or LAYERS[0]
+    )
     model, divisor, draw = state["model"], state["divisor"], int(state["draw"])
     with errors_in_words():
         shown, place = (layer, model, divisor, draw), (state["bearing_number"], state["rotor_mass"])
@@ -78,34 +85,76 @@ with left:
         show_still(picture.marked(*place), "map_box", HEIGHT)
         if not plotly_wanted():
             listen_still(picture, "map", _clicked)
-    told = f"Predicted by {MODELS[model].label} from n/{divisor} of the cells. " if layer == SURROGATE else ""
-    st.caption(f"{told}Click a cell, or type the point. {m.shape[0]} × {m.shape[1]} cold starts on {m.metadata['mesh']} film "
-               "nodes; the linear threshold is that of the static equilibrium without unbalance.")
+    told = (
+        f"Predicted by {MODELS[model].label} from n/{divisor} of the cells. "
+        if layer == SURROGATE
+        else ""
+    )
+    st.caption(
+        f"{told}Click a cell, or type the point. {m.shape[0]} × {m.shape[1]} cold starts on "
+        f"{m.metadata['mesh']} film "
+        "nodes; the linear threshold is that of the static equilibrium without unbalance."
+    )
     st.caption(f"Where map and linear theory disagree. {linear_words()}")
 
 
 def _point():
-    """Words and numbers of the operating point; returns where the figure of its orbits goes, and it."""
+    """Words and numbers of the operating point; returns where the figure of its orbits goes, and
+    it.
+    """
     st.markdown(f"#### Operating point, {design_words()}")
     a, b, c = st.columns(3)
-    a.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, None, key="rotor_mass", step=0.1, format="%.3f",
-                   help="Whole rotor mass that one bearing carries")
-    b.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, None, key="bearing_number", step=0.05, format="%.3f",
-                   help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
-    c.number_input("Shaft speed, rpm", slowest, fastest, None, key="rpm", step=100.0, format="%.0f", on_change=_typed_speed,
-                   help="The same as Λ, of the chosen design")
+    a.number_input(
+        "Rotor mass, kg",
+        *ROTOR_MASS_RANGE,
+        None,
+        key="rotor_mass",
+        step=0.1,
+        format="%.3f",
+        help="Whole rotor mass that one bearing carries",
+    )
+    b.number_input(
+        "Bearing number Λ",
+        *BEARING_NUMBER_RANGE,
+        None,
+        key="bearing_number",
+        step=0.05,
+        format="%.3f",
+        help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless",
+    )
+    c.number_input(
+        "Shaft speed, rpm",
+        slowest,
+        fastest,
+        None,
+        key="rpm",
+        step=100.0,
+        format="%.0f",
+        on_change=_typed_speed,
+        help="The same as Λ, of the chosen design",
+    )
     mass, number = state["rotor_mass"], state["bearing_number"]
     verdict, row, words = st.container(key="verdict"), st.empty(), st.container()
-    numbers, place = row.container(key="point_row").columns([1, 1.7], gap="small", vertical_alignment="center")
+    numbers, place = row.container(key="point_row").columns(
+        [1, 1.7], gap="small", vertical_alignment="center"
+    )
     numbers = numbers.container(key="point_numbers")
     if is_reference():
         with words, errors_in_words():
             st.markdown(map_margin(mass, number))
     else:
-        words.info("The map is of the reference bearing; the point is solved with your own design, whose margin no map tells "
-                   "yet.")
+        words.info(
+            "The map is of the reference bearing; the point is solved with your own design, whose "
+            "margin no map tells "
+            "yet."
+        )
         with words.container(horizontal=True):
-            st.button("Use the reference bearing", on_click=set_design, args=(reference_design(),), key="use_reference")
+            st.button(
+                "Use the reference bearing",
+                on_click=set_design,
+                args=(reference_design(),),
+                key="use_reference",
+            )
             page_link("My_bearing", "My bearing")
             page_link("My_map", "My map: the map of your own design")
     with verdict, errors_in_words():
@@ -114,33 +163,57 @@ def _point():
         row.empty()
         return None
     verdict_box = {"periodic": verdict.success, "quasi-periodic": verdict.warning}.get(
-        point.regime.name if point.regime else "", verdict.error)
+        point.regime.name if point.regime else "", verdict.error
+    )
     verdict_box(point.verdict())
     if point.mle:
         error = point.mle.standard_error
-        numbers.metric("MLE per revolution", f"{point.mle.value:+.3f} ± {f'{error:.3f}' if error >= 0.0005 else '<0.001'}",
-                       help="Maximum Lyapunov exponent, natural logarithm, ± its standard error: below zero periodic, zero "
-                            "quasi-periodic, above zero chaotic")
-        numbers.metric("Max. eccentricity", f"{point.max_eccentricity:.3f}", help="Largest of the journal, over the clearance")
-        numbers.metric("Time in contact", f"{100 * point.contact_share:.1f} %",
-                       help="Share of the time with a film under a tenth of the clearance")
+        numbers.metric(
+            "MLE per revolution",
+            f"{point.mle.value:+.3f} ± {f'{error:.3f}' if error >= 0.0005 else '<0.001'}",
+            help="Maximum Lyapunov exponent, natural logarithm, ± its standard error: below zero "
+            "periodic, zero "
+            "quasi-periodic, above zero chaotic",
+        )
+        numbers.metric(
+            "Max. eccentricity",
+            f"{point.max_eccentricity:.3f}",
+            help="Largest of the journal, over the clearance",
+        )
+        numbers.metric(
+            "Time in contact",
+            f"{100 * point.contact_share:.1f} %",
+            help="Share of the time with a film under a tenth of the clearance",
+        )
     orbit = orbit_figure(point).update_layout(height=ORBIT_HEIGHT, margin_t=30, legend_y=-0.3)
     with st.container(horizontal=True, vertical_alignment="center"):
         page_link("Operating_point", "Operating point: section, spectrum, film")
         b0, b1, m0, m1 = (float(v) for v in (*m.bearing_number[[0, -1]], *m.rotor_mass[[0, -1]]))
         command = (f"spab margin {point_options()}\n" if is_reference() else "") + (
-            f"spab simulate {point_options()}{design_option()} --transient {LIVE.transient} --revolutions {LIVE.revolutions}\n"
-            f"spab map --bearing-number {b0:g}:{b1:g}:{m.shape[0]} --rotor-mass {m0:g}:{m1:g}:{m.shape[1]} --out map.npz\n"
-            "spab export map.npz --out map.nc")
+            f"spab simulate {point_options()}{design_option()} --transient {LIVE.transient} "
+            f"--revolutions {LIVE.revolutions}\n"
+            f"spab map --bearing-number {b0:g}:{b1:g}:{m.shape[0]} --rotor-mass "
+            f"{m0:g}:{m1:g}:{m.shape[1]} --out map.npz\n"
+            "spab export map.npz --out map.nc"
+        )
         if layer == SURROGATE:
             command += f"\nspab predict --model {model} --divisor {divisor} --seed {draw} --out predicted.npz"
 
         # not the page's own figure: its mark may stand where it was before a click (mark_place)
-        downloads("stability_map", {"Map": lambda: marked_map_figure((number, mass), *shown), "Orbit": orbit},
-                  {"Map": lambda: map_table(m)}, {"npz": lambda: map_bytes(m), "nc": lambda: map_netcdf(m)}, command)
+        downloads(
+            "stability_map",
+            {"Map": lambda: marked_map_figure((number, mass), *shown), "Orbit": orbit},
+            {"Map": lambda: map_table(m)},
+            {"npz": lambda: map_bytes(m), "nc": lambda: map_netcdf(m)},
+            command,
+        )
     t = point.trajectory
-    st.caption(f"Solved live: {t.completed} revolutions from rest{', settled on a periodic orbit' if t.settled else ''}, "
-               f"{t.wall_seconds:.2f} s on {point.settings.mesh} film nodes, at Λ {number:.4g} and {mass:.4g} kg.")
+    st.caption(
+        f"Solved live: {t.completed} revolutions from "
+        f"rest{', settled on a periodic orbit' if t.settled else ''}, "
+        f"{t.wall_seconds:.2f} s on {point.settings.mesh} film nodes, at Λ {number:.4g} and "
+        f"{mass:.4g} kg."
+    )
     return place, orbit
 
 
@@ -151,7 +224,12 @@ try:
 finally:  # also where the point cannot be solved
     if plotly_wanted():
         with map_place:
-            clickable(marked_map_figure(place, *shown), "map", _clicked, config={"displaylogo": False, "scrollZoom": True})
+            clickable(
+                marked_map_figure(place, *shown),
+                "map",
+                _clicked,
+                config={"displaylogo": False, "scrollZoom": True},
+            )
 if answer:
     orbit_place, orbits = answer
     with orbit_place.container(key="orbit_box", gap=None):

@@ -1,4 +1,6 @@
-"""Packages of the wheel: all below spab_core, and the dashboard at the top of the repository as spab_core.dashboard."""
+"""Packages of the wheel: all below spab_core, and the dashboard at the top of the repository as
+spab_core.dashboard.
+"""
 
 from setuptools import find_packages, setup
 

@@ -1,14 +1,16 @@
-"""Ours against what a user would pick instead, for the same semi-discrete system at equal orbit error, on one core.
+"""Ours against what a user would pick instead, for the same semi-discrete system at equal orbit
+error, on one core.
 
     python benchmarks/against.py [--pairs 3] [--skip-heyoka]
 
-At three operating points each solver integrates 20 revolutions from the same settled state of film and rotor (mesh 4x48, no
-tangent). Its tolerance is loosened until the largest difference of journal and disc positions at the ends of the revolutions
-from a run of ours at tolerance 1e-9 just stays under 1e-4 of the clearance. Then ours and the other run in turn, and the
-ratio's median over the pairs is told. The others get our compiled right-hand side and, where they take one, the exact
-Jacobian, sparse for Radau and BDF. ``dtm`` is the paper's scheme in our own kernels; heyoka (Taylor series, compiled by LLVM
-from expressions) gets the right-hand side as expressions. Needs: pip install extensisq heyoka
-"""
+At three operating points each solver integrates 20 revolutions from the same settled state of film
+and rotor (mesh 4x48, no tangent). Its tolerance is loosened until the largest difference of journal
+and disc positions at the ends of the revolutions from a run of ours at tolerance 1e-9 just stays
+under 1e-4 of the clearance. Then ours and the other run in turn, and the ratio's median over the
+pairs is told. The others get our compiled right-hand side and, where they take one, the exact
+Jacobian, sparse for Radau and BDF. ``dtm`` is the paper's scheme in our own kernels; heyoka (Taylor
+series, compiled by LLVM from expressions) gets the right-hand side as expressions. Needs: pip
+install extensisq heyoka"""
 
 from __future__ import annotations
 
@@ -87,10 +89,14 @@ class Problem:
         out, transposed = np.zeros(size), np.empty((size, size))
 
         def f(tau, u):
-            fill_jacobian(self.system, np.ascontiguousarray(u), self.all, self.work, out, transposed)
+            fill_jacobian(
+                self.system, np.ascontiguousarray(u), self.all, self.work, out, transposed
+            )
             if not sparse:
                 return transposed.T
-            return scipy.sparse.csc_matrix((transposed[self.columns, self.rows], self.rows, self.starts), (size, size))
+            return scipy.sparse.csc_matrix(
+                (transposed[self.columns, self.rows], self.rows, self.starts), (size, size)
+            )
 
         return f
 
@@ -100,9 +106,17 @@ class Problem:
             options["jac"] = self.jacobian(method != "LSODA")
         ends = 2.0 * np.pi * (SETTLE + np.arange(REVOLUTIONS + 1))
         slope_of = self.right_side(time.perf_counter() + LIMIT_SECONDS)
-        answer = solve_ivp(slope_of, (ends[0], ends[-1]), self.start, method, ends[1:], rtol=tolerance,
-                           atol=0.1 * tolerance, **options)
-        return answer.y[self.n:self.n + 4].T if answer.success else None
+        answer = solve_ivp(
+            slope_of,
+            (ends[0], ends[-1]),
+            self.start,
+            method,
+            ends[1:],
+            rtol=tolerance,
+            atol=0.1 * tolerance,
+            **options,
+        )
+        return answer.y[self.n : self.n + 4].T if answer.success else None
 
     def heyoka(self, tolerance):
         return heyoka_run(self, tolerance)
@@ -114,13 +128,20 @@ class Problem:
 
 
 def heyoka_run(problem, tolerance):
-    """20 revolutions by heyoka's adaptive Taylor method; the integrator is built once for each point and tolerance."""
+    """20 revolutions by heyoka's adaptive Taylor method; the integrator is built once for each
+    point and tolerance.
+    """
     import heyoka as hy
+
     film, rotor = problem.system
     m, n = film.latitudes, film.columns
     node, flux_node = film.node[:m], film.flux_node[:m]
-    cos, sin, cos_face, sin_face = (np.concatenate([a, -a]) for a in (film.cos, film.sin, film.cos_face, film.sin_face))
-    gradient, divergence = (a.reshape(film.half, 2 * film.half)[:m, :m].T for a in (film.gradient, film.divergence))
+    cos, sin, cos_face, sin_face = (
+        np.concatenate([a, -a]) for a in (film.cos, film.sin, film.cos_face, film.sin_face)
+    )
+    gradient, divergence = (
+        a.reshape(film.half, 2 * film.half)[:m, :m].T for a in (film.gradient, film.divergence)
+    )
     s = [[hy.expression(f"s_{j}_{i}") for i in range(m)] for j in range(n)]
     x, y, x1, y1, vx, vy, vx1, vy1 = hy.make_vars("x", "y", "x1", "y1", "vx", "vy", "vx1", "vy1")
     g = [x * cos[j] + y * sin[j] for j in range(n)]
@@ -131,10 +152,21 @@ def heyoka_run(problem, tolerance):
     def cube(value):
         return value * value * value
 
-    east = [[film.flux_around[i] * cube(1.0 - node[i] * face[j]) * (q[(j + 1) % n][i] - q[j][i]) for i in range(m)]
-            for j in range(n)]
-    flux = [[cube(1.0 - flux_node[i] * g[j]) * hy.sum([gradient[i, k] * (q[j][k] - 1.0) for k in range(m)]) for i in range(m)]
-            for j in range(n)]
+    east = [
+        [
+            film.flux_around[i] * cube(1.0 - node[i] * face[j]) * (q[(j + 1) % n][i] - q[j][i])
+            for i in range(m)
+        ]
+        for j in range(n)
+    ]
+    flux = [
+        [
+            cube(1.0 - flux_node[i] * g[j])
+            * hy.sum([gradient[i, k] * (q[j][k] - 1.0) for k in range(m)])
+            for i in range(m)
+        ]
+        for j in range(n)
+    ]
     equations = []
     for j in range(n):
         for i in range(m):
@@ -149,24 +181,39 @@ def heyoka_run(problem, tolerance):
     cx, cy = -normal * x + rotor.friction * f / e * y, -normal * y - rotor.friction * f / e * x
     k1, k2 = rotor.coupling_disc, rotor.coupling_journal
     cosine, sine = hy.cos(hy.time), hy.sin(hy.time)
-    equations += [(x, vx), (y, vy), (x1, vx1), (y1, vy1),
-                  (vx, k2 * (x1 - x) + rotor.inverse_mass * (fx + cx) + rotor.unbalance_journal * cosine),
-                  (vy, k2 * (y1 - y) + rotor.inverse_mass * (fy + cy) + rotor.unbalance_journal * sine - rotor.gravity_journal),
-                  (vx1, -k1 * (x1 - x) + rotor.unbalance_disc * cosine),
-                  (vy1, -k1 * (y1 - y) + rotor.unbalance_disc * sine - rotor.gravity_disc)]
-    start = np.concatenate([film_array(film, problem.start).ravel(), problem.start[problem.n:]])
+    equations += [
+        (x, vx),
+        (y, vy),
+        (x1, vx1),
+        (y1, vy1),
+        (vx, k2 * (x1 - x) + rotor.inverse_mass * (fx + cx) + rotor.unbalance_journal * cosine),
+        (
+            vy,
+            k2 * (y1 - y)
+            + rotor.inverse_mass * (fy + cy)
+            + rotor.unbalance_journal * sine
+            - rotor.gravity_journal,
+        ),
+        (vx1, -k1 * (x1 - x) + rotor.unbalance_disc * cosine),
+        (vy1, -k1 * (y1 - y) + rotor.unbalance_disc * sine - rotor.gravity_disc),
+    ]
+    start = np.concatenate([film_array(film, problem.start).ravel(), problem.start[problem.n :]])
     key = (id(problem), tolerance)
     if key not in _BUILT:
         began = time.perf_counter()
-        _BUILT[key] = hy.taylor_adaptive(equations, start.tolist(), time=0.0, tol=tolerance, compact_mode=True)
-        print(f"    (heyoka compiled the system in {time.perf_counter() - began:.0f} s)", flush=True)
+        _BUILT[key] = hy.taylor_adaptive(
+            equations, start.tolist(), time=0.0, tol=tolerance, compact_mode=True
+        )
+        print(
+            f"    (heyoka compiled the system in {time.perf_counter() - began:.0f} s)", flush=True
+        )
     integrator = _BUILT[key]
     integrator.time = 2.0 * np.pi * SETTLE
     integrator.state[:] = start
     deadline, rows = time.perf_counter() + LIMIT_SECONDS, []
     for k in range(REVOLUTIONS):
         outcome = integrator.propagate_until(2.0 * np.pi * (SETTLE + k + 1), max_steps=2_000_000)
-        rows.append(integrator.state[problem.n:problem.n + 4].copy())
+        rows.append(integrator.state[problem.n : problem.n + 4].copy())
         if time.perf_counter() > deadline or "step_limit" in str(outcome[0]):
             raise GaveUp
     return np.array(rows)
@@ -176,7 +223,9 @@ _BUILT: dict = {}
 
 
 def loosest(run, problem, tolerances):
-    """(tolerance, error) of the loosest tolerance that meets the target; None where none does in time."""
+    """(tolerance, error) of the loosest tolerance that meets the target; None where none does in
+    time.
+    """
     for tolerance in tolerances:
         try:
             error = problem.error(run(tolerance))
@@ -196,11 +245,19 @@ def main():
     ladder = [10.0 ** (-2.0 - k / 3.0) for k in range(16)]
     for mass, number in POINTS:
         problem = Problem(mass, number)
-        tolerance, error = loosest(partial(problem.ours, "rodas"), problem, [1e-2 / 1.3**k for k in range(40)])
-        print(f"\n{mass} kg, L {number}: ours, tolerance {tolerance:.1e}, error {error:.1e}", flush=True)
-        rivals = {f"scipy {name}": partial(problem.scipy, name) for name in ("Radau", "BDF", "LSODA")}
+        tolerance, error = loosest(
+            partial(problem.ours, "rodas"), problem, [1e-2 / 1.3**k for k in range(40)]
+        )
+        print(
+            f"\n{mass} kg, L {number}: ours, tolerance {tolerance:.1e}, error {error:.1e}",
+            flush=True,
+        )
+        rivals = {
+            f"scipy {name}": partial(problem.scipy, name) for name in ("Radau", "BDF", "LSODA")
+        }
         try:
             from extensisq import SSV2stab
+
             rivals["extensisq SSV2stab"] = partial(problem.scipy, SSV2stab)
         except ImportError:
             print("  extensisq is not installed")
@@ -215,7 +272,10 @@ def main():
                 print(f"  {name} is not installed")
                 continue
             if found is None:
-                print(f"  {name:26s} did not reach {TARGET:g} within {LIMIT_SECONDS:.0f} s a run", flush=True)
+                print(
+                    f"  {name:26s} did not reach {TARGET:g} within {LIMIT_SECONDS:.0f} s a run",
+                    flush=True,
+                )
                 continue
             ratios, seconds = [], []
             for _ in range(options.pairs):
@@ -225,9 +285,13 @@ def main():
                 run(found[0])
                 seconds.append((between - began, time.perf_counter() - between))
                 ratios.append(seconds[-1][1] / seconds[-1][0])
-            print(f"  {name:26s} {statistics.median(ratios):8.0f} x   tolerance {found[0]:.1e}, error {found[1]:.1e}, "
-                  f"{statistics.median(s[1] for s in seconds):.3f} s for ours {statistics.median(s[0] for s in seconds):.4f} s",
-                  flush=True)
+            print(
+                f"  {name:26s} {statistics.median(ratios):8.0f} x   tolerance {found[0]:.1e}, "
+                f"error {found[1]:.1e}, "
+                f"{statistics.median(s[1] for s in seconds):.3f} s for ours "
+                f"{statistics.median(s[0] for s in seconds):.4f} s",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

@@ -1,10 +1,11 @@
-"""How long the compiler keeps a first operating point waiting, here and in another checkout, in turns on the same machine.
+"""How long the compiler keeps a first operating point waiting, here and in another checkout, in
+turns on the same machine.
 
     git worktree add /tmp/before 6afd9a5 && python benchmarks/cold_compile.py --against /tmp/before
 
-Each round starts a fresh process with an empty kernel folder for each checkout and solves the reference design once, twice:
-the first time compiles. Seconds of the processor beside those of the clock: they tell how much of it a second core could take.
-"""
+Each round starts a fresh process with an empty kernel folder for each checkout and solves the
+reference design once, twice: the first time compiles. Seconds of the processor beside those of the
+clock: they tell how much of it a second core could take."""
 
 import argparse
 import json
@@ -29,15 +30,25 @@ print(json.dumps({"clock": first[0] - again[0], "processor": first[1] - again[1]
 
 
 def compile_cold(checkout: Path) -> dict[str, float]:
-    """Seconds of clock and processor that a first point takes longer than a second one, with an empty kernel folder."""
+    """Seconds of clock and processor that a first point takes longer than a second one, with an
+    empty kernel folder.
+    """
     with tempfile.TemporaryDirectory() as kernels:
-        run = subprocess.run([sys.executable, "-c", _CODE], cwd=checkout, check=True, capture_output=True, text=True,
-                             env=os.environ | {"NUMBA_CACHE_DIR": kernels, "PYTHONPATH": str(checkout)})
+        run = subprocess.run(
+            [sys.executable, "-c", _CODE],
+            cwd=checkout,
+            check=True,
+            capture_output=True,
+            text=True,
+            env=os.environ | {"NUMBA_CACHE_DIR": kernels, "PYTHONPATH": str(checkout)},
+        )
     return json.loads(run.stdout.splitlines()[-1])
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--against", type=Path, help="another checkout")
     parser.add_argument("--rounds", type=int, default=3)
     args = parser.parse_args()
@@ -46,12 +57,19 @@ def main() -> None:
     for _ in range(args.rounds):
         for rows, checkout in zip(found, checkouts, strict=True):
             rows.append(compile_cold(checkout))
-    medians = [{key: statistics.median(row[key] for row in rows) for key in rows[0]} for rows in found]
+    medians = [
+        {key: statistics.median(row[key] for row in rows) for key in rows[0]} for rows in found
+    ]
     for checkout, median in zip(checkouts, medians, strict=True):
-        print(f"{checkout}: {median['clock']:.1f} s of the clock, {median['processor']:.1f} s of the processor")
+        print(
+            f"{checkout}: {median['clock']:.1f} s of the clock, {median['processor']:.1f} s of "
+            "the processor"
+        )
     if args.against:
-        print(f"ratio: {medians[1]['clock'] / medians[0]['clock']:.2f} clock, "
-              f"{medians[1]['processor'] / medians[0]['processor']:.2f} processor")
+        print(
+            f"ratio: {medians[1]['clock'] / medians[0]['clock']:.2f} clock, "
+            f"{medians[1]['processor'] / medians[0]['processor']:.2f} processor"
+        )
 
 
 if __name__ == "__main__":

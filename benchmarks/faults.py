@@ -1,11 +1,12 @@
-"""Kills commands, workers and the dashboard at random moments, gives the same command again, and compares the end.
+"""Kills commands, workers and the dashboard at random moments, gives the same command again, and
+compares the end.
 
     python benchmarks/faults.py --kills 50 --seed 1
 
-Each kind of work runs in a folder of its own until the moment comes; then its process is killed (SIGKILL) and started again. At
-every kill: no file under its final name is cut short, nothing finished before is gone, no process of the killed one lives on.
-Where a run reaches its end its files must be those of an undisturbed one, to the bit; then the next begins in an empty folder.
-"""
+Each kind of work runs in a folder of its own until the moment comes; then its process is killed
+(SIGKILL) and started again. At every kill: no file under its final name is cut short, nothing
+finished before is gone, no process of the killed one lives on. Where a run reaches its end its
+files must be those of an undisturbed one, to the bit; then the next begins in an empty folder."""
 
 from __future__ import annotations
 
@@ -35,20 +36,37 @@ from spab_core.jobs import store as jobs  # noqa: E402
 ROOT = Path(__file__).resolve().parent.parent
 OPTIONS = ["--mesh", "2x16", "--transient", "20", "--revolutions", "20"]
 PLANE = ["--bearing-number", "2:4.5:10", "--rotor-mass", "3:18:15"]
-LARGE = ["--bearing-number", "2:4.5:30", "--rotor-mass", "3:18:30"]  # as long as the start of the command
-LINE = {"vary": "rotor-mass", "at": 3.0, "range": "4:12:30",
-        "settings": {"mesh": "2x16", "transient": 20, "revolutions": 40, "early_stop": False}}
+LARGE = [
+    "--bearing-number",
+    "2:4.5:30",
+    "--rotor-mass",
+    "3:18:30",
+]  # as long as the start of the command
+LINE = {
+    "vary": "rotor-mass",
+    "at": 3.0,
+    "range": "4:12:30",
+    "settings": {"mesh": "2x16", "transient": 20, "revolutions": 40, "early_stop": False},
+}
 COMMANDS = {
     "map": ["map", *LARGE, *OPTIONS, "--workers", "2", "--out", "out.npz"],
     "refine": ["refine", *PLANE, *OPTIONS, "--budget", "60", "--seed", "1", "--out", "out.npz"],
     "train": ["train", "--model", "neighbours", "--divisor", "8", "--out", "out.joblib"],
 }
-MADE = ("date", "wall_seconds", "worker_seconds", "workers", "seconds")  # how a file was made, not what it says
+MADE = (
+    "date",
+    "wall_seconds",
+    "worker_seconds",
+    "workers",
+    "seconds",
+)  # how a file was made, not what it says
 WAIT = 120.0
 
 
 def contents(path: Path) -> dict:
-    """Raw bytes of every array of an NPZ file by name; its metadata as a dictionary, without how it was made."""
+    """Raw bytes of every array of an NPZ file by name; its metadata as a dictionary, without how it
+    was made.
+    """
     with zipfile.ZipFile(path) as file:
         found = {name: file.read(name) for name in file.namelist() if name != "metadata.npy"}
     with np.load(path, allow_pickle=False) as file:
@@ -57,7 +75,9 @@ def contents(path: Path) -> dict:
 
 
 def answer(folder: Path) -> dict:
-    """What the finished work in a folder says: of a model its predictions, of anything else every array."""
+    """What the finished work in a folder says: of a model its predictions, of anything else every
+    array.
+    """
     model = folder / "out.joblib"
     if not model.exists():
         return contents(next(p for p in (folder / "out.npz", folder / "result.npz") if p.exists()))
@@ -69,7 +89,9 @@ def answer(folder: Path) -> dict:
 def check_whole(folder: Path) -> set[str]:
     """Names of the finished parts in a folder; every file under its final name must be whole."""
     for path in folder.rglob("*"):
-        if not path.is_file() or path.name.startswith("."):  # .name.xyz.tmp is a file that was being written
+        if not path.is_file() or path.name.startswith(
+            "."
+        ):  # .name.xyz.tmp is a file that was being written
             continue
         if path.suffix == ".npz":
             contents(path)
@@ -138,14 +160,21 @@ class Work:
     def begin(self) -> None:
         """Start the process."""
         with (self.base / "log.txt").open("a") as log:
-            self.process = subprocess.Popen([sys.executable, "-m", "spab_core.cli.main", *COMMANDS[self.name]], cwd=self.folder,
-                                            env=self.environment(), stdout=log, stderr=log)
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "spab_core.cli.main", *COMMANDS[self.name]],
+                cwd=self.folder,
+                env=self.environment(),
+                stdout=log,
+                stderr=log,
+            )
 
     def done(self) -> bool:
         """Whether the work has reached its end."""
         if self.process.poll() is None:
             return False
-        assert self.process.returncode == 0, f"{self.name}: exit {self.process.returncode}, see {self.base / 'log.txt'}"
+        assert self.process.returncode == 0, (
+            f"{self.name}: exit {self.process.returncode}, see {self.base / 'log.txt'}"
+        )
         return True
 
     def stop(self) -> None:
@@ -162,7 +191,9 @@ class Work:
         found = answer(self.result())
         if self.expected is None:
             self.expected = found
-        assert found == self.expected, f"{self.name}: another result than an undisturbed run in {self.folder}"
+        assert found == self.expected, (
+            f"{self.name}: another result than an undisturbed run in {self.folder}"
+        )
         self.ends += 1
         self.fresh()
 
@@ -170,8 +201,11 @@ class Work:
         """What must hold then."""
         self.kills += 1
         parts = check_whole(self.folder)
-        assert parts >= self.parts or (self.result() / "result.npz").exists() or (self.folder / "out.npz").exists(), (
-            f"{self.name}: finished parts are gone: {self.parts - parts}")
+        assert (
+            parts >= self.parts
+            or (self.result() / "result.npz").exists()
+            or (self.folder / "out.npz").exists()
+        ), f"{self.name}: finished parts are gone: {self.parts - parts}"
         self.parts = parts
 
     def until_done(self) -> None:
@@ -206,27 +240,47 @@ class WorkerKilled(Work):
 
 
 class ServerKilled(Work):
-    """A map started on a page; the dashboard's server is killed, the job goes on, and the page opens again on a new server."""
+    """A map started on a page; the dashboard's server is killed, the job goes on, and the page
+    opens again on a new server.
+    """
 
     port = 0
 
     def begin(self) -> None:
         with (self.base / "log.txt").open("a") as log:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "streamlit", "run", "app.py", "--server.port", str(self.port),
-                 "--server.headless", "true"], cwd=ROOT, env=self.environment(), stdout=log, stderr=log)
+                [
+                    sys.executable,
+                    "-m",
+                    "streamlit",
+                    "run",
+                    "app.py",
+                    "--server.port",
+                    str(self.port),
+                    "--server.headless",
+                    "true",
+                ],
+                cwd=ROOT,
+                env=self.environment(),
+                stdout=log,
+                stderr=log,
+            )
         self.asked = False
 
     def done(self) -> bool:
         assert self.process.poll() is None, "the server has ended by itself"
         if not self.asked:
             try:
-                urllib.request.urlopen(f"http://127.0.0.1:{self.port}/_stcore/health", timeout=1).close()
+                urllib.request.urlopen(
+                    f"http://127.0.0.1:{self.port}/_stcore/health", timeout=1
+                ).close()
             except OSError:
                 return False
             asyncio.run(self.click())
             self.asked = True
-        return any(json.loads(p.read_text())["state"] == "done" for p in self.folder.glob("map-*/job.json"))
+        return any(
+            json.loads(p.read_text())["state"] == "done" for p in self.folder.glob("map-*/job.json")
+        )
 
     async def click(self) -> None:
         user = User(self.port)
@@ -246,8 +300,12 @@ class ServerKilled(Work):
         time.sleep(0.2)
         for path in self.folder.glob("map-*/job.json"):
             data = json.loads(path.read_text())
-            assert data["pid"] not in workers or data["state"] == "done" or data["pid"] is None or lives(data["pid"]), (
-                "the job has ended with the server")
+            assert (
+                data["pid"] not in workers
+                or data["state"] == "done"
+                or data["pid"] is None
+                or lives(data["pid"])
+            ), "the job has ended with the server"
 
     def finish(self) -> None:
         self.process.terminate()
@@ -262,7 +320,9 @@ KINDS = {"map": Work, "refine": Work, "train": Work, "worker": WorkerKilled, "ap
 
 
 def run(kills: int, seed: int, base: Path, kinds: list[str], tell=print) -> dict[str, Work]:
-    """Kill ``kills`` times at moments drawn by ``seed``; the works, each with its kills and its ends, all compared."""
+    """Kill ``kills`` times at moments drawn by ``seed``; the works, each with its kills and its
+    ends, all compared.
+    """
     draw = random.Random(seed)
     works = {name: KINDS[name](name, base) for name in kinds}
     before = os.environ.get("SPAB_JOBS")
@@ -302,7 +362,9 @@ def run(kills: int, seed: int, base: Path, kinds: list[str], tell=print) -> dict
 
 def main() -> None:
     """Run and print how many kills and ends of each kind there were."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--kills", type=int, default=50)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kinds", default=",".join(KINDS))

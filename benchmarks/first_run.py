@@ -1,11 +1,12 @@
-"""Seconds from an empty clone to a usable map and to the first answers, on a machine without kernels.
+"""Seconds from an empty clone to a usable map and to the first answers, on a machine without
+kernels.
 
     python benchmarks/first_run.py
 
-Clones the commit at hand into a temporary folder, makes its venv with ``make .venv/.ready``, starts the server as ``make run``
-does, without opening a browser, and looks at the page in Chromium. The kernels' folder, jobs and models are empty ones of the
-clone's. Packages come from the index or cache that pip is set up with: the venv's seconds are as good as that is.
-"""
+Clones the commit at hand into a temporary folder, makes its venv with ``make .venv/.ready``, starts
+the server as ``make run`` does, without opening a browser, and looks at the page in Chromium. The
+kernels' folder, jobs and models are empty ones of the clone's. Packages come from the index or
+cache that pip is set up with: the venv's seconds are as good as that is."""
 
 import os
 import subprocess
@@ -31,12 +32,23 @@ def main():
         home = Path(folder) / "spab"
         subprocess.run(["git", "clone", "--quiet", str(ROOT), str(home)], check=True)
         took("clone, from this disk")
-        subprocess.run(["make", "--silent", ".venv/.ready"], cwd=home, check=True, stdout=subprocess.DEVNULL)
+        subprocess.run(
+            ["make", "--silent", ".venv/.ready"], cwd=home, check=True, stdout=subprocess.DEVNULL
+        )
         took("venv and packages")
         port = free_port()
-        own = {"NUMBA_CACHE_DIR": f"{folder}/kernels", "SPAB_JOBS": f"{folder}/jobs", "SPAB_CACHE": f"{folder}/models"}
-        server = subprocess.Popen([".venv/bin/spab", "dashboard", "--port", str(port), "--headless"], cwd=home,
-                                  env=os.environ | own, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        own = {
+            "NUMBA_CACHE_DIR": f"{folder}/kernels",
+            "SPAB_JOBS": f"{folder}/jobs",
+            "SPAB_CACHE": f"{folder}/models",
+        }
+        server = subprocess.Popen(
+            [".venv/bin/spab", "dashboard", "--port", str(port), "--headless"],
+            cwd=home,
+            env=os.environ | own,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         try:
             address = f"http://127.0.0.1:{port}"
             while True:

@@ -2,10 +2,10 @@
 
     python benchmarks/growth.py [--cells 24]
 
-Cells: the same cells once, twice and four times over, so that the exponent tells overhead and not which cells were drawn.
-Mesh: one periodic point, 40 revolutions with tangent, on meshes of 1, 2 and 4 times the cells. Workers: the same cells with
-one and with two processes, in pairs, each pair back to back; medians over pairs.
-"""
+Cells: the same cells once, twice and four times over, so that the exponent tells overhead and not
+which cells were drawn. Mesh: one periodic point, 40 revolutions with tangent, on meshes of 1, 2 and
+4 times the cells. Workers: the same cells with one and with two processes, in pairs, each pair back
+to back; medians over pairs."""
 
 from __future__ import annotations
 
@@ -35,7 +35,9 @@ def main():
     options = parser.parse_args()
     design, settings = reference_design(), Settings(revolutions=300)
     random = np.random.default_rng(1)
-    cells = np.column_stack([random.uniform(0.05, 8.5, options.cells), random.uniform(0.1, 25.0, options.cells)])
+    cells = np.column_stack(
+        [random.uniform(0.05, 8.5, options.cells), random.uniform(0.1, 25.0, options.cells)]
+    )
 
     def solve(times):
         for _ in range(times):
@@ -49,9 +51,15 @@ def main():
             found.append(_timed(lambda k=k: solve(k)))
     medians = {k: statistics.median(v) for k, v in times.items()}
     exponent = np.polyfit(np.log(list(medians)), np.log(list(medians.values())), 1)[0]
-    print(f"cells 1x, 2x, 4x: {', '.join(f'{v:.2f}' for v in medians.values())} s, exponent {exponent:.3f}")
+    print(
+        f"cells 1x, 2x, 4x: {', '.join(f'{v:.2f}' for v in medians.values())} s, exponent "
+        f"{exponent:.3f}"
+    )
     mean = medians[4] / (4 * options.cells)
-    print(f"seconds a point, one core: {mean:.3f}; the paper's own machine: {PAPER_SECONDS[0]:.0f} to {PAPER_SECONDS[1]:.0f}")
+    print(
+        f"seconds a point, one core: {mean:.3f}; the paper's own machine: {PAPER_SECONDS[0]:.0f} "
+        f"to {PAPER_SECONDS[1]:.0f}"
+    )
 
     short = {}
     for mesh in ("4x48", "4x96", "8x48", "4x192", "8x96"):
@@ -65,16 +73,26 @@ def main():
     for mesh, seconds in short.items():
         m, n = map(int, mesh.split("x"))
         grown = math.log(seconds / base) / math.log(m * n / 192) if mesh != "4x48" else float("nan")
-        print(f"mesh {mesh}: {1e6 * seconds:.1f} µs a step, {seconds / base:.2f} x, exponent in nodes {grown:.2f}")
+        print(
+            f"mesh {mesh}: {1e6 * seconds:.1f} µs a step, {seconds / base:.2f} x, exponent in "
+            f"nodes {grown:.2f}"
+        )
 
-    number, mass = np.linspace(0.5, 8.5, 20), np.linspace(1.0, 25.0, 40)  # 32 chunks: the end, where one waits, is short
+    number, mass = (
+        np.linspace(0.5, 8.5, 20),
+        np.linspace(1.0, 25.0, 40),
+    )  # 32 chunks: the end, where one waits, is short
     compute_map(design, number[:2], mass[:2], settings, workers=2)  # starts the processes
     ratios = []
     for _ in range(2):
         one = _timed(lambda: compute_map(design, number, mass, settings, workers=1))
         two = _timed(lambda: compute_map(design, number, mass, settings, workers=2))
         ratios.append(one / two)
-        print(f"{number.size * mass.size} cells: one worker {one:.1f} s, two {two:.1f} s, ratio {one / two:.2f}", flush=True)
+        print(
+            f"{number.size * mass.size} cells: one worker {one:.1f} s, two {two:.1f} s, ratio "
+            f"{one / two:.2f}",
+            flush=True,
+        )
     print(f"two workers over one: {statistics.median(ratios):.2f} x (mean of two pairs)")
 
 

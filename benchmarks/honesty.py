@@ -1,17 +1,20 @@
-"""Are the numbers honest over the whole allowed ranges? Random designs and points, each held to four promises.
+"""Are the numbers honest over the whole allowed ranges? Random designs and points, each held to
+four promises.
 
     python benchmarks/honesty.py [--designs 1000] [--first 0] [--minutes 60]
 
-Every design value, the rotor mass and the bearing number are drawn over their whole allowed ranges (:func:`draw`). Promised:
+Every design value, the rotor mass and the bearing number are drawn over their whole allowed ranges
+(:func:`draw`). Promised:
 
 - a finite exponent with its error, or a status other than ``ok``; no exception, under 20 s of computing;
 - gas is conserved: over a revolution after the run, its content changes by what crosses the edges and the wall;
 - half the step (a tolerance of a sixteenth: the method is of order 4) fails too where the run fails (a chaotic one may touch
-  down within ten times its length), and else gives the same exponent, within three of their standard errors and 0.02, or
+  down within ten times its length), and else gives the same exponent, within three of their
+  standard errors and 0.02, or
   0.01 + 2 % where both settle on a periodic orbit of one regime.
 
-Runs of 40 + 40 revolutions on 4 x 24; cases that break one are printed with their number, which gives them again.
-"""
+Runs of 40 + 40 revolutions on 4 x 24; cases that break one are printed with their number, which
+gives them again."""
 
 import argparse
 import collections
@@ -28,7 +31,15 @@ from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.design.model import Bearing, Contact, Design, Gas, Rotor
 from spab_core.solver.film import build_film, film_array, film_fluxes, gas_content
 from spab_core.solver.rotor import build_rotor
-from spab_core.solver.stepping import DEFAULT_TOLERANCE, OK, REVOLUTION, Options, advance, build_memory, build_record
+from spab_core.solver.stepping import (
+    DEFAULT_TOLERANCE,
+    OK,
+    REVOLUTION,
+    Options,
+    advance,
+    build_memory,
+    build_record,
+)
 
 SETTINGS = Settings("4x24", transient=40, revolutions=40)
 HALF = dataclasses.replace(SETTINGS, tolerance=DEFAULT_TOLERANCE / 16.0)
@@ -43,20 +54,30 @@ class TooSlow(Exception):
 
 
 def draw(seed):
-    """(design, rotor mass, bearing number) over all allowed ranges: evenly in the logarithm where these span a factor of 30.
+    """(design, rotor mass, bearing number) over all allowed ranges: evenly in the logarithm where
+    these span a factor of 30.
 
     Three designs in ten are open to ambient: the supply pressure ratio is 1.
     """
     rng = np.random.default_rng(seed)
     while True:
         try:
-            design = Design(*(part(**{f.name: _value(rng, f.metadata) for f in dataclasses.fields(part)})
-                              for part in (Bearing, Gas, Rotor, Contact)))
+            design = Design(
+                *(
+                    part(**{f.name: _value(rng, f.metadata) for f in dataclasses.fields(part)})
+                    for part in (Bearing, Gas, Rotor, Contact)
+                )
+            )
             if rng.random() < 0.3:
                 design = design.replace(bearing__supply_pressure_ratio=1.0)
-        except DesignError:  # a clearance above a twentieth of the radius, a feeding number out of range
+        except (
+            DesignError
+        ):  # a clearance above a twentieth of the radius, a feeding number out of range
             continue
-        return design, *(float(np.exp(rng.uniform(*np.log(ends)))) for ends in (ROTOR_MASS_RANGE, BEARING_NUMBER_RANGE))
+        return design, *(
+            float(np.exp(rng.uniform(*np.log(ends))))
+            for ends in (ROTOR_MASS_RANGE, BEARING_NUMBER_RANGE)
+        )
 
 
 def _value(rng, m):
@@ -67,7 +88,11 @@ def _value(rng, m):
         if rng.random() < 0.1 and not m["open_low"]:
             return 0.0
         low = min(1e-12, 1e-12 * high)
-    return float(np.exp(rng.uniform(math.log(low), math.log(high))) if high > 30.0 * low else rng.uniform(low, high))
+    return float(
+        np.exp(rng.uniform(math.log(low), math.log(high)))
+        if high > 30.0 * low
+        else rng.uniform(low, high)
+    )
 
 
 def solve(design, mass, number, settings):
@@ -77,28 +102,40 @@ def solve(design, mass, number, settings):
     def progress(_):
         if time.thread_time() > until:
             raise TooSlow
+
     return solve_point(design, mass, number, settings, progress=progress)
 
 
 def gas_lost(point, pieces=PIECES):
-    """How far the content's change over the next revolution is from what crosses the boundary, over content and crossing gas.
+    """How far the content's change over the next revolution is from what crosses the boundary, over
+    content and crossing gas.
 
-    None where the run does not get through that revolution. What crosses is summed over ``pieces`` by Simpson's rule, an eighth
-    of a revolution later: the step is sought anew, and what long steps left of fast decays comes first.
-    """
-    film = build_film(point.design, point.bearing_number, point.settings.mesh, point.settings.scheme)
+    None where the run does not get through that revolution. What crosses is summed over ``pieces``
+    by Simpson's rule, an eighth of a revolution later: the step is sought anew, and what long steps
+    left of fast decays comes first."""
+    film = build_film(
+        point.design, point.bearing_number, point.settings.mesh, point.settings.scheme
+    )
     system = (film, build_rotor(point.design, point.rotor_mass, point.bearing_number))
     memory = build_memory(film, point.settings.method)
     memory.state[:] = point.trajectory.final
     options = Options(point.settings.tolerance, period=REVOLUTION / pieces)
     contents, flows, sizes = [], [], []
     first = point.trajectory.completed * pieces + pieces // 8
-    if advance(system, memory, options, first - pieces // 8, pieces // 8, build_record(pieces // 8, 0))[0] != OK:
+    if (
+        advance(
+            system, memory, options, first - pieces // 8, pieces // 8, build_record(pieces // 8, 0)
+        )[0]
+        != OK
+    ):
         return None
     for k in range(pieces + 1):
         s = film_array(film, memory.state)
         terms = film_fluxes(film, s, *memory.state[-8:-6])
-        edge, wall = terms["edge"].sum() * 2.0 * math.pi / point.settings.mesh.azimuth, gas_content(film, terms["wall"])
+        edge, wall = (
+            terms["edge"].sum() * 2.0 * math.pi / point.settings.mesh.azimuth,
+            gas_content(film, terms["wall"]),
+        )
         contents.append(gas_content(film, s))
         flows.append(edge + wall)
         sizes.append(abs(edge) + abs(wall))
@@ -110,13 +147,17 @@ def gas_lost(point, pieces=PIECES):
 
 
 def check(design, mass, number):
-    """What a point does and which promises it breaks: (name of the outcome, list of sentences, gas lost or None)."""
+    """What a point does and which promises it breaks: (name of the outcome, list of sentences, gas
+    lost or None).
+    """
     try:
         point, lost = solve(design, mass, number, SETTINGS), None
         status = point.trajectory.status
         broken = []
         if status == "ok":
-            value, error = (point.mle.value, point.mle.standard_error) if point.mle else (math.nan, math.nan)
+            value, error = (
+                (point.mle.value, point.mle.standard_error) if point.mle else (math.nan, math.nan)
+            )
             if not (math.isfinite(value) and math.isfinite(error)) or point.regime is None:
                 broken.append(f"no finite exponent: {value} ± {error}")
             lost = gas_lost(point)
@@ -131,9 +172,16 @@ def check(design, mass, number):
         found = compare(point, half)
         chaotic = next((p for p in (point, half) if p.regime and p.regime.name == "chaotic"), None)
         if found and chaotic and "touchdown" in (status, half.trajectory.status):
-            # chaos that bounces on the wall touches it by chance, sooner or later: then it does in a longer run as well
-            longer = dataclasses.replace(chaotic.settings, revolutions=LONGER * SETTINGS.revolutions)
-            found = found if solve(design, mass, number, longer).trajectory.status != "touchdown" else []
+            # chaos that bounces on the wall touches it by chance, sooner or later: then it does in
+            # a longer run as well
+            longer = dataclasses.replace(
+                chaotic.settings, revolutions=LONGER * SETTINGS.revolutions
+            )
+            found = (
+                found
+                if solve(design, mass, number, longer).trajectory.status != "touchdown"
+                else []
+            )
         broken += found
     except TooSlow:
         return "too slow", [f"more than {SECONDS:g} s"], None
@@ -149,11 +197,18 @@ def compare(point, half):
         return [] if point.mle is half.mle else [f"{names[0]}, with half the step {names[1]}"]
     apart = abs(point.mle.value - half.mle.value)
     settled = point.trajectory.settled and half.trajectory.settled
-    allowed = ((0.01 + 0.02 * abs(half.mle.value) if settled else 0.02)
-               + 3.0 * math.hypot(point.mle.standard_error, half.mle.standard_error))
+    allowed = (0.01 + 0.02 * abs(half.mle.value) if settled else 0.02) + 3.0 * math.hypot(
+        point.mle.standard_error, half.mle.standard_error
+    )
     told = [f"{p.mle.value:+.4f} ± {p.mle.standard_error:.4f}" for p in (point, half)]
-    found = [f"{names[0]}, with half the step {names[1]} ({told[0]}, {told[1]})"] if settled and names[0] != names[1] else []
-    return found or ([f"{names[0]}: MLE {told[0]}, with half the step {told[1]}"] if apart > allowed else [])
+    found = (
+        [f"{names[0]}, with half the step {names[1]} ({told[0]}, {told[1]})"]
+        if settled and names[0] != names[1]
+        else []
+    )
+    return found or (
+        [f"{names[0]}: MLE {told[0]}, with half the step {told[1]}"] if apart > allowed else []
+    )
 
 
 def main():
@@ -162,7 +217,13 @@ def main():
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--minutes", type=float, default=60.0)
     options = parser.parse_args()
-    outcomes, broken, losses, began, slowest = collections.Counter(), 0, [], time.perf_counter(), 0.0
+    outcomes, broken, losses, began, slowest = (
+        collections.Counter(),
+        0,
+        [],
+        time.perf_counter(),
+        0.0,
+    )
     for seed in range(options.first, options.first + options.designs):
         start = time.perf_counter()
         if start - began > 60.0 * options.minutes:
@@ -175,11 +236,14 @@ def main():
         losses += [] if lost is None else [lost]
         for sentence in sentences:
             print(f"{seed}: {sentence}", flush=True)
-    print(f"{sum(outcomes.values())} designs from {options.first}: "
-          + ", ".join(f"{name} {count}" for name, count in outcomes.most_common())
-          + f"; {broken} break a promise; gas lost: median {np.median(losses or [0.0]):.1e}, largest "
-          f"{max(losses, default=0.0):.1e} in {len(losses)} runs; slowest {slowest:.1f} s, {time.perf_counter() - began:.0f} s "
-          "in all")
+    print(
+        f"{sum(outcomes.values())} designs from {options.first}: "
+        + ", ".join(f"{name} {count}" for name, count in outcomes.most_common())
+        + f"; {broken} break a promise; gas lost: median {np.median(losses or [0.0]):.1e}, largest "
+        f"{max(losses, default=0.0):.1e} in {len(losses)} runs; slowest {slowest:.1f} s, "
+        f"{time.perf_counter() - began:.0f} s "
+        "in all"
+    )
 
 
 if __name__ == "__main__":

@@ -1,13 +1,15 @@
-"""Which time integrator? Error and time of four schemes on the same semi-discrete system, one core, one run.
+"""Which time integrator? Error and time of four schemes on the same semi-discrete system, one core,
+one run.
 
     python benchmarks/integrators.py [--repeat 5]
 
-Schemes, all compiled and all on the film kernels of spab_core: RODAS4 (production), ROS34PW2 (Rosenbrock-W of order 3, Rang
-and Angermann 2005, exact Jacobian), RKC2 (stabilised explicit, Sommeijer, Shampine and Verwer 1998, stages from the
-film's spectral radius) and the paper's differential transformation of order 6. Each is run at fixed steps over five
-revolutions from the same settled state; the error is the largest difference of journal and disc positions (over C) from
-RODAS4 at tolerance 1e-10. Told is the shortest time with an error of at most 1e-4, as a ratio to production.
-"""
+Schemes, all compiled and all on the film kernels of spab_core: RODAS4 (production), ROS34PW2
+(Rosenbrock-W of order 3, Rang and Angermann 2005, exact Jacobian), RKC2 (stabilised explicit,
+Sommeijer, Shampine and Verwer 1998, stages from the film's spectral radius) and the paper's
+differential transformation of order 6. Each is run at fixed steps over five revolutions from the
+same settled state; the error is the largest difference of journal and disc positions (over C) from
+RODAS4 at tolerance 1e-10. Told is the shortest time with an error of at most 1e-4, as a ratio to
+production."""
 
 from __future__ import annotations
 
@@ -26,15 +28,32 @@ from spab_core.solver.rotor import build_rotor
 from spab_core.solver.slope import slope, slope_and_jacobian, time_slope
 from spab_core.solver.stepping import Options, advance, build_memory, build_record
 
-POINTS = {"4 kg, L 1": (4.0, 1.0), "4.52 kg, L 3 (period 2, e to 0.87)": (4.52, 3.0), "7 kg, L 6 (period 2)": (7.0, 6.0),
-          "18 kg, L 4.5 (chaos, contact)": (18.0, 4.5), "10 kg, L 0.25 (stiff)": (10.0, 0.25)}
+POINTS = {
+    "4 kg, L 1": (4.0, 1.0),
+    "4.52 kg, L 3 (period 2, e to 0.87)": (4.52, 3.0),
+    "7 kg, L 6 (period 2)": (7.0, 6.0),
+    "18 kg, L 4.5 (chaos, contact)": (18.0, 4.5),
+    "10 kg, L 0.25 (stiff)": (10.0, 0.25),
+}
 REVOLUTIONS, SETTLE, TARGET = 5, 60, 1e-4
 
 G = 0.43586652150845900
-ALPHA = np.array([[0, 0, 0, 0], [0.87173304301691801, 0, 0, 0], [0.84457060015369423, -0.11299064236484185, 0, 0],
-                  [0, 0, 1.0, 0]])
-GAMMA = np.array([[G, 0, 0, 0], [-0.87173304301691801, G, 0, 0], [-0.90338057013044082, 0.054180672388095326, G, 0],
-                  [0.24212380706095346, -1.2232505839045147, 0.54526025533510214, G]])
+ALPHA = np.array(
+    [
+        [0, 0, 0, 0],
+        [0.87173304301691801, 0, 0, 0],
+        [0.84457060015369423, -0.11299064236484185, 0, 0],
+        [0, 0, 1.0, 0],
+    ]
+)
+GAMMA = np.array(
+    [
+        [G, 0, 0, 0],
+        [-0.87173304301691801, G, 0, 0],
+        [-0.90338057013044082, 0.054180672388095326, G, 0],
+        [0.24212380706095346, -1.2232505839045147, 0.54526025533510214, G],
+    ]
+)
 B = ALPHA[3] + GAMMA[3]  # stiffly accurate
 INVERSE = np.linalg.inv(GAMMA)
 A_ROS, M_ROS = ALPHA @ INVERSE, B @ INVERSE
@@ -79,7 +98,13 @@ def rkc2(system, work, u, tau, h, steps, stages, mu, nu, mt, gt, c):
         for j in range(2, stages + 1):
             if not slope(system, tau + c[j - 1] * h, y, work, f):
                 return False
-            new[:] = (1.0 - mu[j] - nu[j]) * u + mu[j] * y + nu[j] * before + mt[j] * h * f + gt[j] * h * f0
+            new[:] = (
+                (1.0 - mu[j] - nu[j]) * u
+                + mu[j] * y
+                + nu[j] * before
+                + mt[j] * h * f
+                + gt[j] * h * f0
+            )
             before[:] = y
             y[:] = new
         u[:] = y
@@ -112,7 +137,10 @@ def spectral_radius(system, states):
     """Largest eigenvalue magnitude of the whole Jacobian over some states of the orbit."""
     film, rotor = system
     every = np.arange(len(states[0]))
-    return max(np.abs(np.linalg.eigvals(slope_and_jacobian(film, rotor, s, every)[1])).max() for s in states)
+    return max(
+        np.abs(np.linalg.eigvals(slope_and_jacobian(film, rotor, s, every)[1])).max()
+        for s in states
+    )
 
 
 class Problem:
@@ -121,14 +149,16 @@ class Problem:
         self.film = build_film(design, bearing_number, DEFAULT_MESH)
         self.system = (self.film, build_rotor(design, mass, bearing_number))
         memory = build_memory(self.film)
-        assert advance(self.system, memory, Options(1e-6), 0, SETTLE, build_record(SETTLE, 0))[0] == 0
+        assert (
+            advance(self.system, memory, Options(1e-6), 0, SETTLE, build_record(SETTLE, 0))[0] == 0
+        )
         self.start = memory.state.copy()
         self.end = self.adaptive("rodas", 1e-10)[0]
         self.radius = 1.1 * spectral_radius(self.system, [self.start, self.end])
 
     def positions(self, state):
         n = film_size(self.film)
-        return state[n:n + 4]
+        return state[n : n + 4]
 
     def adaptive(self, method, tolerance):
         memory = build_memory(self.film, method)
@@ -139,7 +169,11 @@ class Problem:
         began = time.perf_counter()
         status, _ = advance(self.system, memory, options, SETTLE, REVOLUTIONS, record)
         seconds = time.perf_counter() - began
-        return (memory.state.copy() if status == 0 else None), seconds, memory.control[1] / REVOLUTIONS
+        return (
+            (memory.state.copy() if status == 0 else None),
+            seconds,
+            memory.control[1] / REVOLUTIONS,
+        )
 
     def fixed(self, scheme, per_revolution):
         u, work = self.start.copy(), build_memory(self.film).work
@@ -157,8 +191,11 @@ class Problem:
         return (u if good else None), time.perf_counter() - began, stages
 
     def error(self, state):
-        return math.inf if state is None or not np.all(np.isfinite(state)) else float(
-            np.abs(self.positions(state) - self.positions(self.end)).max())
+        return (
+            math.inf
+            if state is None or not np.all(np.isfinite(state))
+            else float(np.abs(self.positions(state) - self.positions(self.end)).max())
+        )
 
 
 def best(problem, run, settings, repeat):
@@ -176,10 +213,16 @@ def compare(problem, repeat):
     tolerances = [1e-3 / 2**k for k in range(24)]
     per_revolution = [round(12 * 2 ** (k / 3)) for k in range(42)]
     found = {
-        "RODAS4, adaptive": best(problem, lambda s: problem.adaptive("rodas", s), tolerances, repeat),
-        "ROS34PW2, fixed": best(problem, lambda s: problem.fixed("ros34pw2", s), per_revolution, repeat),
+        "RODAS4, adaptive": best(
+            problem, lambda s: problem.adaptive("rodas", s), tolerances, repeat
+        ),
+        "ROS34PW2, fixed": best(
+            problem, lambda s: problem.fixed("ros34pw2", s), per_revolution, repeat
+        ),
         "RKC2, fixed": best(problem, lambda s: problem.fixed("rkc2", s), per_revolution, repeat),
-        "DTM order 6, adaptive": best(problem, lambda s: problem.adaptive("dtm", s), tolerances, repeat),
+        "DTM order 6, adaptive": best(
+            problem, lambda s: problem.adaptive("dtm", s), tolerances, repeat
+        ),
     }
     base = found["RODAS4, adaptive"]
     for scheme, answer in found.items():
@@ -187,9 +230,15 @@ def compare(problem, repeat):
             print(f"  {scheme:22s} not reached within {per_revolution[-1]} steps a revolution")
             continue
         setting, error, seconds, extra = answer
-        steps = f"{extra:.0f} steps/rev" if "adaptive" in scheme else f"{setting} steps/rev, {extra} stages"
-        print(f"  {scheme:22s} {seconds / base[2]:7.1f} x   error {error:.1e}   {steps:28s} "
-              f"{1e3 * seconds / REVOLUTIONS:.2f} ms/rev")
+        steps = (
+            f"{extra:.0f} steps/rev"
+            if "adaptive" in scheme
+            else f"{setting} steps/rev, {extra} stages"
+        )
+        print(
+            f"  {scheme:22s} {seconds / base[2]:7.1f} x   error {error:.1e}   {steps:28s} "
+            f"{1e3 * seconds / REVOLUTIONS:.2f} ms/rev"
+        )
 
 
 def main():
@@ -197,7 +246,10 @@ def main():
     parser.add_argument("--repeat", type=int, default=5)
     repeat = parser.parse_args().repeat
     for name, (mass, bearing_number) in POINTS.items():
-        print(f"\n{name}: error <= {TARGET:g} of the clearance after {REVOLUTIONS} revolutions, mesh {DEFAULT_MESH}")
+        print(
+            f"\n{name}: error <= {TARGET:g} of the clearance after {REVOLUTIONS} revolutions, "
+            f"mesh {DEFAULT_MESH}"
+        )
         compare(Problem(mass, bearing_number), repeat)
 
 

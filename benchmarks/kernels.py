@@ -1,6 +1,6 @@
 """Cost of the parts of a step, on one core, as ratios to one evaluation of film and rotor.
 
-    python benchmarks/kernels.py
+python benchmarks/kernels.py
 """
 
 import statistics
@@ -50,7 +50,10 @@ def main():
             seconds[name].append((time.perf_counter() - began) / REPEAT)
     base = statistics.median(seconds["slope"][1:])
     for name, values in seconds.items():
-        print(f"{name:28s} {statistics.median(values[1:]) / base:6.1f} x   {1e6 * statistics.median(values[1:]):.2f} µs")
+        print(
+            f"{name:28s} {statistics.median(values[1:]) / base:6.1f} x   "
+            f"{1e6 * statistics.median(values[1:]):.2f} µs"
+        )
 
 
 def _loop(function):
@@ -58,6 +61,7 @@ def _loop(function):
     def loop(arguments):
         for _ in range(REPEAT):
             function(*arguments)
+
     return loop
 
 

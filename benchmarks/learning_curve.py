@@ -1,4 +1,6 @@
-"""Refined against random cells of the shipped map: writes docs/learning_curve.csv and prints its means over five seeds."""
+"""Refined against random cells of the shipped map: writes docs/learning_curve.csv and prints its
+means over five seeds.
+"""
 
 import argparse
 import io
@@ -6,19 +8,31 @@ import time
 
 from tqdm import tqdm
 
-from spab_core.active_learning.learning_curve import LEARNING_CURVE, SEEDS, goal, learning_curve, summary
+from spab_core.active_learning.learning_curve import (
+    LEARNING_CURVE,
+    SEEDS,
+    goal,
+    learning_curve,
+    summary,
+)
 from spab_core.common.files import write_atomically
 from spab_core.shipped.manifest import load_reference_map
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
-    parser.add_argument("--seeds", type=int, default=len(SEEDS), choices=range(1, len(SEEDS) + 1), help="the first of them")
+    parser.add_argument(
+        "--seeds",
+        type=int,
+        default=len(SEEDS),
+        choices=range(1, len(SEEDS) + 1),
+        help="the first of them",
+    )
     parser.add_argument("--out", default=str(LEARNING_CURVE), metavar="FILE.csv")
     args = parser.parse_args()
     began = time.perf_counter()
     with tqdm(total=args.seeds, unit="seed") as bar:
-        rows = learning_curve(load_reference_map(), SEEDS[:args.seeds], progress=bar.update)
+        rows = learning_curve(load_reference_map(), SEEDS[: args.seeds], progress=bar.update)
     text = io.StringIO()
     rows.to_csv(text, index=False)
     write_atomically(args.out, text.getvalue().encode())

@@ -1,10 +1,11 @@
-"""Many users at once on a server of its own: the 95th percentile of a click, errors shown, memory of the server.
+"""Many users at once on a server of its own: the 95th percentile of a click, errors shown, memory
+of the server.
 
     python benchmarks/load.py --users 20 --minutes 10
 
-Each user is a session over Streamlit's websocket (session.py) on 127.0.0.1: opens pages, sets the operating point, changes
-layers, thinks for a second or so between. A click lasts from its message to the end of the page's run.
-"""
+Each user is a session over Streamlit's websocket (session.py) on 127.0.0.1: opens pages, sets the
+operating point, changes layers, thinks for a second or so between. A click lasts from its message
+to the end of the page's run."""
 
 from __future__ import annotations
 
@@ -34,8 +35,11 @@ async def act(user: User, draw: random.Random) -> tuple[str, float]:
     """One click of a user: its name and its seconds."""
     what = draw.choices(("open", "mass", "number", "layer", "divisor"), (2, 3, 3, 2, 1))[0]
     if what in ("mass", "number"):
-        key, value = (("rotor_mass", round(draw.uniform(1.0, 24.0), 1)) if what == "mass"
-                      else ("bearing_number", round(draw.uniform(0.5, 8.0), 2)))
+        key, value = (
+            ("rotor_mass", round(draw.uniform(1.0, 24.0), 1))
+            if what == "mass"
+            else ("bearing_number", round(draw.uniform(0.5, 8.0), 2))
+        )
         if key in user.ids:
             return f"set {key}", await user.set(key, value)
     if what == "layer" and "layer" in user.ids:
@@ -87,49 +91,82 @@ async def load(port: int, pid: int, users: int, seconds: float) -> tuple[list, l
     errors: list = []
     red: list = []
     seen: list = []
-    await asyncio.gather(watch(pid, began, began + seconds, seen),
-                         *(one(port, k, began + seconds, clicks, errors, red) for k in range(users)))
+    await asyncio.gather(
+        watch(pid, began, began + seconds, seen),
+        *(one(port, k, began + seconds, clicks, errors, red) for k in range(users)),
+    )
     return clicks, errors, red, seen
 
 
 def main() -> None:
     """Serve, load, print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--users", type=int, default=20)
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--port", type=int, default=8622)
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as own, (Path(own) / "log.txt").open("w") as log:
         folders = {name: str(Path(own) / name) for name in ("SPAB_JOBS", "SPAB_CACHE")}
-        server = subprocess.Popen([sys.executable, "-m", "streamlit", "run", "app.py", "--server.port", str(args.port),
-                                   "--server.headless", "true"], cwd=ROOT, stdout=log, stderr=log,
-                                  env=os.environ | folders | {"PYTHONPATH": str(ROOT)})
+        server = subprocess.Popen(
+            [
+                sys.executable,
+                "-m",
+                "streamlit",
+                "run",
+                "app.py",
+                "--server.port",
+                str(args.port),
+                "--server.headless",
+                "true",
+            ],
+            cwd=ROOT,
+            stdout=log,
+            stderr=log,
+            env=os.environ | folders | {"PYTHONPATH": str(ROOT)},
+        )
         try:
             for _ in range(300):
                 try:
-                    urllib.request.urlopen(f"http://127.0.0.1:{args.port}/_stcore/health", timeout=1).close()
+                    urllib.request.urlopen(
+                        f"http://127.0.0.1:{args.port}/_stcore/health", timeout=1
+                    ).close()
                     break
                 except OSError:
                     time.sleep(0.1)
-            clicks, errors, red, seen = asyncio.run(load(args.port, server.pid, args.users, 60.0 * args.minutes))
+            clicks, errors, red, seen = asyncio.run(
+                load(args.port, server.pid, args.users, 60.0 * args.minutes)
+            )
             alive = server.poll() is None
         finally:
             server.terminate()
             server.wait(20)
         told = (Path(own) / "log.txt").read_text()
     took = np.array([seconds for _, _, seconds in clicks])
-    print(f"{args.users} users, {args.minutes:g} min: {len(took)} clicks; seconds of a click: median {np.median(took):.2f}, "
-          f"95 % under {np.percentile(took, 95):.2f}, longest {took.max():.2f}")
+    print(
+        f"{args.users} users, {args.minutes:g} min: {len(took)} clicks; seconds of a click: "
+        f"median {np.median(took):.2f}, "
+        f"95 % under {np.percentile(took, 95):.2f}, longest {took.max():.2f}"
+    )
     for name in sorted({name for _, name, _ in clicks}):
         these = np.array([seconds for _, n, seconds in clicks if n == name])
-        print(f"  {name}: {len(these)}, median {np.median(these):.2f}, 95 % {np.percentile(these, 95):.2f}")
+        print(
+            f"  {name}: {len(these)}, median {np.median(these):.2f}, 95 % "
+            f"{np.percentile(these, 95):.2f}"
+        )
     print("memory, MB: " + ", ".join(f"{t:.0f} s {size:.0f}" for t, size in seen))
     after = [size for t, size in seen if t >= 60.0]
     if len(after) > 1:
-        print(f"after the first minute {after[0]:.0f} MB, at the end {after[-1]:.0f} MB: "
-              f"{100 * (after[-1] / after[0] - 1):+.1f} %")
-    print(f"server {'lives' if alive else 'HAS DIED'}; tracebacks in its log: {told.count('Traceback')}; "
-          f"exceptions and lost sessions: {len(errors)}; other words in red: {len(red)}")
+        print(
+            f"after the first minute {after[0]:.0f} MB, at the end {after[-1]:.0f} MB: "
+            f"{100 * (after[-1] / after[0] - 1):+.1f} %"
+        )
+    print(
+        f"server {'lives' if alive else 'HAS DIED'}; tracebacks in its log: "
+        f"{told.count('Traceback')}; "
+        f"exceptions and lost sessions: {len(errors)}; other words in red: {len(red)}"
+    )
     for words in sorted(set(errors))[:10] + sorted(set(red))[:10]:
         print(f"  {words[:300]}")
 

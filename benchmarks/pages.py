@@ -1,15 +1,17 @@
-"""Seconds that a user waits for the dashboard in Chromium on a warm server: alone, and with a second user at once.
+"""Seconds that a user waits for the dashboard in Chromium on a warm server: alone, and with a
+second user at once.
 
     python benchmarks/pages.py [--floor]
 
-The second user is measured twice: at another machine, whose browser takes nothing from this one's cores, as a session over
-Streamlit's websocket that fetches the scripts, opens pages and sets points without a pause longer than half a second; and in a
-second Chromium on the same cores, which are the server's too, that begins each action in the same moment. All are measured in
-turns, as the machine's clock drifts.
+The second user is measured twice: at another machine, whose browser takes nothing from this one's
+cores, as a session over Streamlit's websocket that fetches the scripts, opens pages and sets points
+without a pause longer than half a second; and in a second Chromium on the same cores, which are the
+server's too, that begins each action in the same moment. All are measured in turns, as the
+machine's clock drifts.
 
-With ``--floor`` only what Streamlit and Plotly take by themselves, alone and with a second browser that opens the page in the
-same moment: the first view of an empty page, and of one with a chart of two points.
-"""
+With ``--floor`` only what Streamlit and Plotly take by themselves, alone and with a second browser
+that opens the page in the same moment: the first view of an empty page, and of one with a chart of
+two points."""
 
 import argparse
 import asyncio
@@ -31,7 +33,10 @@ from take_pictures import dashboard, find_chromium  # noqa: E402
 
 VIEW = ("verdict", "map seen", "map answers clicks")
 GOALS = {f"{which}: {what}": 2.0 for which in ("new browser", "first view") for what in VIEW} | {
-    "click to live verdict": 1.0, "click on the plain picture": 1.0, "another layer drawn": 2.0}
+    "click to live verdict": 1.0,
+    "click on the plain picture": 1.0,
+    "another layer drawn": 2.0,
+}
 SWITCH, NEW, VIEWS, TURNS = 1.0, 3, 4, 3
 CLICKS = [(7.0, 6.0), (18.0, 4.5), (2.0, 5.0)]  # kg, bearing number
 DRAWN = """layer => { const plot = document.querySelector('.js-plotly-plot');
@@ -56,10 +61,13 @@ async def now(together):
 
 async def click_cell(page, mass, number, together):
     """Click the map at a point; seconds until the answer to another point stands there."""
-    position = await page.evaluate("""([x, y]) => {
+    position = await page.evaluate(
+        """([x, y]) => {
         const plot = document.querySelector('.js-plotly-plot'), layout = plot._fullLayout;
         const box = plot.querySelector('.nsewdrag').getBoundingClientRect();
-        return [box.left + layout.xaxis.d2p(x), box.top + layout.yaxis.d2p(y)]; }""", [number, mass])
+        return [box.left + layout.xaxis.d2p(x), box.top + layout.yaxis.d2p(y)]; }""",
+        [number, mass],
+    )
     await page.mouse.move(*position)
     await page.wait_for_timeout(300)
     return await click(page, position, together)
@@ -70,13 +78,20 @@ async def click(page, position, together):
     old = await page.get_by_text("Solved live").inner_text()
     began = await now(together)
     await page.mouse.click(*position)
-    await page.wait_for_function("""old => [...document.querySelectorAll('[data-testid=stCaptionContainer]')].some(
-        c => c.innerText.startsWith('Solved live') && c.innerText !== old)""", arg=old, timeout=60_000)
+    await page.wait_for_function(
+        """old => [...document.querySelectorAll('[data-testid=stCaptionContainer]')].some(
+        c => c.innerText.startsWith('Solved live') && c.innerText !== old)""",
+        arg=old,
+        timeout=60_000,
+    )
     return time.perf_counter() - began
 
 
 async def journey(browser, address, shift, together=None):
-    """One user's walk; seconds by action. ``shift`` moves the clicked cells: a point solved before is not solved again."""
+    """One user's walk; seconds by action.
+
+    ``shift`` moves the clicked cells: a point solved before is not solved again.
+    """
     found: dict[str, list[float]] = {}
 
     def took(action, began):
@@ -93,11 +108,15 @@ async def journey(browser, address, shift, together=None):
             await there
             took(f"{which}: {what}", began)
 
-        await asyncio.gather(until(VIEW[0], page.get_by_text("Solved live").wait_for(timeout=60_000)),
-                             until(VIEW[1], page.wait_for_function(SEEN, timeout=60_000)),
-                             until(VIEW[2], page.wait_for_function(ANSWERS, timeout=60_000)))
+        await asyncio.gather(
+            until(VIEW[0], page.get_by_text("Solved live").wait_for(timeout=60_000)),
+            until(VIEW[1], page.wait_for_function(SEEN, timeout=60_000)),
+            until(VIEW[2], page.wait_for_function(ANSWERS, timeout=60_000)),
+        )
         place = await page.evaluate(PICTURE, [0.2 + 0.06 * k, 0.2 + 0.04 * shift])
-        found.setdefault("click on the plain picture", []).append(await click(page, place, together))
+        found.setdefault("click on the plain picture", []).append(
+            await click(page, place, together)
+        )
         await page.wait_for_timeout(1000)
         if k < NEW - 1:
             await context.close()
@@ -114,12 +133,19 @@ async def journey(browser, address, shift, together=None):
         await page.wait_for_timeout(500)
     for layer in ("Regime", "MLE"):
         began = await now(together)
-        await page.get_by_role("radio", name=layer, exact=True).or_(page.get_by_text(layer, exact=True)).first.click()
+        await (
+            page.get_by_role("radio", name=layer, exact=True)
+            .or_(page.get_by_text(layer, exact=True))
+            .first.click()
+        )
         await page.wait_for_function(DRAWN, arg=layer, timeout=60_000)
         took("another layer drawn", began)
         await page.wait_for_timeout(500)
     links = page.locator("[data-testid=stSidebarNavLink]")
-    names = [(await links.nth(k).get_attribute("href")).rstrip("/").rpartition("/")[2] for k in range(await links.count())]
+    names = [
+        (await links.nth(k).get_attribute("href")).rstrip("/").rpartition("/")[2]
+        for k in range(await links.count())
+    ]
     for k in [*range(1, len(names)), 0]:
         old = await page.locator("[data-testid=stMain] h4").first.inner_text()
         began = await now(together)
@@ -158,7 +184,11 @@ async def measure(address):
     async with async_playwright() as p:
         browser = await p.chromium.launch(executable_path=find_chromium(), args=["--no-sandbox"])
         await journey(browser, address, 0)  # warms the server
-        found: list[dict[str, list[float]]] = [{}, {}, {}]  # alone, with a user elsewhere, with a second browser
+        found: list[dict[str, list[float]]] = [
+            {},
+            {},
+            {},
+        ]  # alone, with a user elsewhere, with a second browser
         for turn in range(TURNS):
             walks = [[await journey(browser, address, 4 * turn + 1)]]
             other = asyncio.create_task(remote(address))
@@ -166,7 +196,11 @@ async def measure(address):
             assert not other.done(), other.exception()
             other.cancel()
             both = asyncio.Barrier(2)
-            walks.append(await asyncio.gather(*(journey(browser, address, 4 * turn + k, both) for k in (3, 4))))
+            walks.append(
+                await asyncio.gather(
+                    *(journey(browser, address, 4 * turn + k, both) for k in (3, 4))
+                )
+            )
             for kept, walked in zip(found, walks, strict=True):
                 for one in walked:
                     for action, seconds in one.items():
@@ -176,11 +210,17 @@ async def measure(address):
 
 
 EMPTY = "import streamlit as st\n\nst.write('Solved live')\n"
-CHART = EMPTY + "import plotly.graph_objects as go\n\nst.plotly_chart(go.Figure(go.Scatter(x=[1, 2], y=[3, 4])))\n"
+CHART = (
+    EMPTY
+    + "import plotly.graph_objects as go\n\nst.plotly_chart(go.Figure(go.Scatter(x=[1, 2], y=[3, "
+    "4])))\n"
+)
 
 
 async def first_views(address, drawn, count=VIEWS + 1, together=None):
-    """Seconds of first views in one browser, which is new for the first; ``together``: a barrier before each."""
+    """Seconds of first views in one browser, which is new for the first; ``together``: a barrier
+    before each.
+    """
     async with async_playwright() as p:
         browser = await p.chromium.launch(executable_path=find_chromium(), args=["--no-sandbox"])
         context, found = await browser.new_context(viewport={"width": 1440, "height": 900}), []
@@ -198,22 +238,29 @@ async def first_views(address, drawn, count=VIEWS + 1, together=None):
 
 async def at_once(address, drawn, users):
     together = asyncio.Barrier(users)
-    return await asyncio.gather(*(first_views(address, drawn, together=together) for _ in range(users)))
+    return await asyncio.gather(
+        *(first_views(address, drawn, together=together) for _ in range(users))
+    )
 
 
 def floor():
-    for name, text, drawn in (("empty page", EMPTY, "() => document.body.innerText.includes('Solved live')"),
-                              ("chart of two points", CHART, "() => document.querySelector('.js-plotly-plot')?.calcdata")):
+    for name, text, drawn in (
+        ("empty page", EMPTY, "() => document.body.innerText.includes('Solved live')"),
+        ("chart of two points", CHART, "() => document.querySelector('.js-plotly-plot')?.calcdata"),
+    ):
         with tempfile.TemporaryDirectory() as folder:
             script = Path(folder) / "page.py"
             script.write_text(text)
             with dashboard(script=script) as address:
                 asyncio.run(first_views(address, drawn, 1))  # warms the server
-                (first, *later), = asyncio.run(at_once(address, drawn, 1))
+                ((first, *later),) = asyncio.run(at_once(address, drawn, 1))
                 two = asyncio.run(at_once(address, drawn, 2))
         again, with_second = statistics.median(later), statistics.median(two[0][1:] + two[1][1:])
-        print(f"{name}: new browser {first:.2f} s, again {again:.2f} s; with a second browser {with_second:.2f} s, "
-              f"{with_second / again:.1f} times as long")
+        print(
+            f"{name}: new browser {first:.2f} s, again {again:.2f} s; with a second browser "
+            f"{with_second:.2f} s, "
+            f"{with_second / again:.1f} times as long"
+        )
 
 
 def main():
@@ -225,12 +272,18 @@ def main():
         one, beside, both = asyncio.run(measure(address))
     print(f"{'':34s} {'alone':>7s} {'goal':>6s} {'second elsewhere':>17s} {'on these cores':>17s}")
     for action, seconds in one.items():
-        goal, alone = GOALS.get(action, SWITCH if action.startswith("to page") else math.inf), statistics.median(seconds)
+        goal, alone = (
+            GOALS.get(action, SWITCH if action.startswith("to page") else math.inf),
+            statistics.median(seconds),
+        )
         told = [f"{action:34s} {alone:6.2f}s {goal:5.1f}s"]
         for found in (beside, both):
             together = statistics.median(found[action])
             told.append(f"{together:8.2f}s {together / alone:5.1f} x")
-        print(*told, "" if alone <= goal and statistics.median(beside[action]) < 2.0 * alone else " missed")
+        print(
+            *told,
+            "" if alone <= goal and statistics.median(beside[action]) < 2.0 * alone else " missed",
+        )
 
 
 if __name__ == "__main__":

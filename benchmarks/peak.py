@@ -1,11 +1,12 @@
-"""How far from the hardware: useful floating-point operations a second of the film kernels over the core's own peak.
+"""How far from the hardware: useful floating-point operations a second of the film kernels over the
+core's own peak.
 
     python benchmarks/peak.py
 
-The peak is measured on the same core in the same run: sixteen independent chains of fused multiply-adds on registers of eight
-doubles, the widest arithmetic that spab_core uses. Useful operations are those of the formulas, counted by hand below,
-per node of the film (an addition, multiplication or division is one each; sines and exponentials are left out).
-"""
+The peak is measured on the same core in the same run: sixteen independent chains of fused
+multiply-adds on registers of eight doubles, the widest arithmetic that spab_core uses. Useful
+operations are those of the formulas, counted by hand below, per node of the film (an addition,
+multiplication or division is one each; sines and exponentials are left out)."""
 
 from __future__ import annotations
 
@@ -25,14 +26,15 @@ from spab_core.solver.stepping import Options, advance, build_memory, build_reco
 
 ROUNDS, REPEAT, CHAINS = 15, 400, 16
 LATITUDES = DEFAULT_MESH.latitude
-# one node: P, Q - 1 and its share of the force 11 (gap 2, P 1, Q 2, excess 2, two sums 4); gradient 2 M, gap, cube and
-# product 5; divergence 2 M + 1; the face east 7 and its two uses 2; feed 3, Couette 3
-SLOPE = 11 + (2 * LATITUDES + 5) + (2 * LATITUDES + 1) + 7 + 2 + 3 + 3
-# the derivative along a direction: P, Q and force 11; gradient 2 M and flux 5; divergence 2 M + 1; face 6 and 2; feed 2,
+# one node: P, Q - 1 and its share of the force 11 (gap 2, P 1, Q 2, excess 2, two sums 4); gradient
+# 2 M, gap, cube and product 5; divergence 2 M + 1; the face east 7 and its two uses 2; feed 3,
 # Couette 3
+SLOPE = 11 + (2 * LATITUDES + 5) + (2 * LATITUDES + 1) + 7 + 2 + 3 + 3
+# the derivative along a direction: P, Q and force 11; gradient 2 M and flux 5; divergence 2 M + 1;
+# face 6 and 2; feed 2, Couette 3
 TANGENT = SLOPE + 11 + (2 * LATITUDES + 5) + (2 * LATITUDES + 1) + 6 + 2 + 2 + 3
-# the curvature: formed once a step (a block of M columns at 20 a place, three more gradients, a divergence), applied at each
-# stage
+# the curvature: formed once a step (a block of M columns at 20 a place, three more gradients, a
+# divergence), applied at each stage
 BEND, BENT = 75 + 28 * LATITUDES, 2 * LATITUDES + 13
 
 
@@ -46,7 +48,9 @@ def _peak(array, repeat):
         c4, c5, c6, c7 = c4 * a + b, c5 * a + b, c6 * a + b, c7 * a + b
         d0, d1, d2, d3 = d0 * a + b, d1 * a + b, d2 * a + b, d3 * a + b
         d4, d5, d6, d7 = d4 * a + b, d5 * a + b, d6 * a + b, d7 * a + b
-    total = splat(0.0) + c0 + c1 + c2 + c3 + c4 + c5 + c6 + c7 + d0 + d1 + d2 + d3 + d4 + d5 + d6 + d7
+    total = (
+        splat(0.0) + c0 + c1 + c2 + c3 + c4 + c5 + c6 + c7 + d0 + d1 + d2 + d3 + d4 + d5 + d6 + d7
+    )
     vstore(array, 16, total)
 
 
@@ -81,15 +85,24 @@ def _steps(system, work, stages, u, v, repeat):
 
 
 def _elimination(film, work):
-    """Operations of the factorisation and of one solve: dense blocks of M, as many as the state couples."""
+    """Operations of the factorisation and of one solve: dense blocks of M, as many as the state
+    couples.
+    """
     m, rows, nodes = film.latitudes, film.rows, film.columns * film.latitudes
     chain = rows - 1
     middle = chain // 2
-    reach = [int(work.small[14]), chain - 1 - int(work.small[15])]  # rows from either end that answer to the separator there
+    reach = [
+        int(work.small[14]),
+        chain - 1 - int(work.small[15]),
+    ]  # rows from either end that answer to the separator there
     products = sum(2 * min(k, middle) + 1 + max(k - middle, 0) for k in reach)
-    invert, product, times = 2 * 2 * m**3, 2 * 2 * m**3, 2 * 2 * m**2  # for the two columns of a row
-    one = chain * (2 * times + 8 * m) + sum(k + 1 for k in reach) * times + 2 * (2 * m)**2
-    factor = chain * invert + (chain - 1) * 6 * m**2 + products * product + 2 * (2 * m)**3
+    invert, product, times = (
+        2 * 2 * m**3,
+        2 * 2 * m**3,
+        2 * 2 * m**2,
+    )  # for the two columns of a row
+    one = chain * (2 * times + 8 * m) + sum(k + 1 for k in reach) * times + 2 * (2 * m) ** 2
+    factor = chain * invert + (chain - 1) * 6 * m**2 + products * product + 2 * (2 * m) ** 3
     assemble, border = nodes * (30 + 10 * m), nodes * (30 + 4 * m)
     return assemble + factor + border + 2 * (one + 5 * nodes), one + 9 * nodes
 
@@ -126,7 +139,10 @@ def main():
             rates[name].append(operations * REPEAT / (time.perf_counter() - began) / 1e9)
     for name, values in rates.items():
         shares = [value / top for value, top in zip(values, rates["peak"], strict=True)]
-        print(f"{name:24s} {statistics.median(values):6.1f} Gflop/s   {100 * statistics.median(shares):5.1f} % of the peak")
+        print(
+            f"{name:24s} {statistics.median(values):6.1f} Gflop/s   "
+            f"{100 * statistics.median(shares):5.1f} % of the peak"
+        )
 
 
 if __name__ == "__main__":

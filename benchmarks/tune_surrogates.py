@@ -1,9 +1,10 @@
-"""What else could learn the rest of linear theory, and with which settings: five folds INSIDE one training set.
+"""What else could learn the rest of linear theory, and with which settings: five folds INSIDE one
+training set.
 
     python benchmarks/tune_surrogates.py [--divisor 8] [--seed 0]
 
-No held-out cell is looked at. Columns: RMSE; RMSE without the largest 0.5 % of the errors (few wrong cells of a solver decide
-the first); MAE, all per revolution; seconds for the five trainings.
+No held-out cell is looked at. Columns: RMSE; RMSE without the largest 0.5 % of the errors (few
+wrong cells of a solver decide the first); MAE, all per revolution; seconds for the five trainings.
 """
 
 import argparse
@@ -11,7 +12,11 @@ import time
 import warnings
 
 import numpy as np
-from sklearn.ensemble import ExtraTreesRegressor, HistGradientBoostingRegressor, RandomForestRegressor
+from sklearn.ensemble import (
+    ExtraTreesRegressor,
+    HistGradientBoostingRegressor,
+    RandomForestRegressor,
+)
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import Matern, WhiteKernel
@@ -37,7 +42,7 @@ class Rest(TheoryTrees):
 
     def fit(self, X, y):
         number, features, linear = self._prepare(X)
-        some = np.random.default_rng(0).permutation(len(y))[:self.most]
+        some = np.random.default_rng(0).permutation(len(y))[: self.most]
         self.learner.fit(features[some], ((y - linear) * number)[some])
         return self
 
@@ -48,23 +53,47 @@ class Rest(TheoryTrees):
 
 def options():
     """Label -> table -> regressor."""
+
     def rest(make, **settings):
         return lambda table: Rest(table, make(), **settings)
 
     found = {"extra trees": TheoryTrees}
-    found["extra trees, half the features a cut"] = rest(lambda: ExtraTreesRegressor(100, max_features=0.5, random_state=0))
-    found["extra trees, leaves of 3"] = rest(lambda: ExtraTreesRegressor(100, min_samples_leaf=3, random_state=0))
+    found["extra trees, half the features a cut"] = rest(
+        lambda: ExtraTreesRegressor(100, max_features=0.5, random_state=0)
+    )
+    found["extra trees, leaves of 3"] = rest(
+        lambda: ExtraTreesRegressor(100, min_samples_leaf=3, random_state=0)
+    )
     found["random forest"] = rest(lambda: RandomForestRegressor(100, random_state=0))
-    found["gradient boosting"] = rest(lambda: HistGradientBoostingRegressor(
-        max_iter=600, learning_rate=0.1, max_leaf_nodes=63, min_samples_leaf=5, random_state=0))
-    found["four neighbours"] = rest(lambda: make_pipeline(StandardScaler(), KNeighborsRegressor(4, weights="distance")))
-    found["MLP 64, 64"] = rest(lambda: make_pipeline(StandardScaler(), MLPRegressor(hidden_layer_sizes=(64, 64), max_iter=400,
-                                                                                random_state=0)))
-    found["MLP 128, 128, 128"] = rest(lambda: make_pipeline(StandardScaler(), MLPRegressor(
-        hidden_layer_sizes=(128,) * 3, max_iter=200, random_state=0)))
+    found["gradient boosting"] = rest(
+        lambda: HistGradientBoostingRegressor(
+            max_iter=600, learning_rate=0.1, max_leaf_nodes=63, min_samples_leaf=5, random_state=0
+        )
+    )
+    found["four neighbours"] = rest(
+        lambda: make_pipeline(StandardScaler(), KNeighborsRegressor(4, weights="distance"))
+    )
+    found["MLP 64, 64"] = rest(
+        lambda: make_pipeline(
+            StandardScaler(),
+            MLPRegressor(hidden_layer_sizes=(64, 64), max_iter=400, random_state=0),
+        )
+    )
+    found["MLP 128, 128, 128"] = rest(
+        lambda: make_pipeline(
+            StandardScaler(),
+            MLPRegressor(hidden_layer_sizes=(128,) * 3, max_iter=200, random_state=0),
+        )
+    )
     found[f"Gaussian process on {GP_CELLS} cells"] = rest(
-        lambda: make_pipeline(StandardScaler(), GaussianProcessRegressor(Matern(np.ones(6), nu=1.5) + WhiteKernel(0.01),
-                                                                         normalize_y=True, random_state=0)), most=GP_CELLS)
+        lambda: make_pipeline(
+            StandardScaler(),
+            GaussianProcessRegressor(
+                Matern(np.ones(6), nu=1.5) + WhiteKernel(0.01), normalize_y=True, random_state=0
+            ),
+        ),
+        most=GP_CELLS,
+    )
     return found
 
 
@@ -80,7 +109,10 @@ def main():
     inputs, mle = inputs[chosen], mle[chosen]
     fold = np.random.default_rng(args.seed).permutation(len(mle)) % FOLDS
     table = shipped_table()
-    candidates = {f"without linear theory: {name}": name for name in ("extra-trees", "forest", "boosting", "cubic")} | options()
+    candidates = {
+        f"without linear theory: {name}": name
+        for name in ("extra-trees", "forest", "boosting", "cubic")
+    } | options()
     print(f"{len(mle)} training cells, {FOLDS} folds\n{'':38s}   RMSE  trimmed    MAE  seconds")
     for label, option in candidates.items():
         if args.only not in label:
@@ -88,12 +120,19 @@ def main():
         error, began = np.empty(len(mle)), time.perf_counter()
         for k in range(FOLDS):
             seen, tried = fold != k, fold == k
-            estimator = (train(MODELS[option], inputs[seen], mle[seen]).estimator if isinstance(option, str)
-                         else option(table).fit(inputs[seen], mle[seen]))
+            estimator = (
+                train(MODELS[option], inputs[seen], mle[seen]).estimator
+                if isinstance(option, str)
+                else option(table).fit(inputs[seen], mle[seen])
+            )
             error[tried] = np.abs(estimator.predict(inputs[tried]) - mle[tried])
-        trimmed = np.sort(error)[:int(0.995 * len(error))]
-        print(f"{label:38s} {np.sqrt(np.mean(error**2)):6.3f} {np.sqrt(np.mean(trimmed**2)):8.4f} {error.mean():6.4f} "
-              f"{time.perf_counter() - began:6.1f}", flush=True)
+        trimmed = np.sort(error)[: int(0.995 * len(error))]
+        print(
+            f"{label:38s} {np.sqrt(np.mean(error**2)):6.3f} {np.sqrt(np.mean(trimmed**2)):8.4f} "
+            f"{error.mean():6.4f} "
+            f"{time.perf_counter() - began:6.1f}",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

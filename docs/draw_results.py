@@ -13,7 +13,12 @@ from spab_core.linear_theory.equilibrium import concentric_stiffness
 from spab_core.plotting.lines import bifurcation_figure
 from spab_core.plotting.map import map_figure
 from spab_core.plotting.surrogates import learning_curve_figure, refinement_figure
-from spab_core.shipped.manifest import BIFURCATIONS, load_reference_bifurcation, load_reference_map, load_reference_refinement
+from spab_core.shipped.manifest import (
+    BIFURCATIONS,
+    load_reference_bifurcation,
+    load_reference_map,
+    load_reference_refinement,
+)
 from spab_core.solver.film import Mesh
 
 DOCS = Path(__file__).resolve().parent
@@ -36,17 +41,31 @@ def audit_figure(m):
     figure.data = [t for t in figure.data if t.name != "cells"]
     with (DOCS / "audit.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    for agrees, name, marker in ((True, "agrees", {"symbol": "circle-open", "color": "#000000", "size": 6}),
-                                 (False, "disagrees", {"symbol": "x", "color": "#CC79A7", "size": 12,
-                                                       "line": {"color": "#000000", "width": 1}})):
+    for agrees, name, marker in (
+        (True, "agrees", {"symbol": "circle-open", "color": "#000000", "size": 6}),
+        (
+            False,
+            "disagrees",
+            {
+                "symbol": "x",
+                "color": "#CC79A7",
+                "size": 12,
+                "line": {"color": "#000000", "width": 1},
+            },
+        ),
+    ):
         chosen = [r for r in rows if (r["map_regime"] == r["regime"]) == agrees]
         x, y = ([float(r[key]) for r in chosen] for key in ("bearing_number", "rotor_mass_kg"))
-        figure.add_trace(go.Scatter(x=x, y=y, mode="markers", name=f"{name} ({len(chosen)})", marker=marker))
+        figure.add_trace(
+            go.Scatter(x=x, y=y, mode="markers", name=f"{name} ({len(chosen)})", marker=marker)
+        )
     return figure
 
 
 def stiffness_figure():
-    """Largest error of the film's stiffness over the latitudes, a line for each row of the table of docs/model.md."""
+    """Largest error of the film's stiffness over the latitudes, a line for each row of the table of
+    docs/model.md.
+    """
     sys.path.insert(0, str(DOCS.parent))
     from tests.conftest import fed_design
     from tests.physics.test_film import TABLE
@@ -55,14 +74,28 @@ def stiffness_figure():
     groups = {}
     for edge, supply, beta, number, *exact in TABLE:
         design = fed_design(edge, supply, beta)
-        errors = [abs(complex(*concentric_stiffness(design, number, Mesh(m, 8))) / complex(*exact) - 1.0) for m in latitudes]
+        errors = [
+            abs(complex(*concentric_stiffness(design, number, Mesh(m, 8))) / complex(*exact) - 1.0)
+            for m in latitudes
+        ]
         groups.setdefault(f"edge {edge}°, P_s {supply}, β {beta}", []).append(errors)
     for k, (name, errors) in enumerate(groups.items()):
-        figure.add_scatter(x=latitudes, y=np.max(errors, axis=0), mode="lines+markers", name=name,
-                           line={"color": ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7")[k]})
+        figure.add_scatter(
+            x=latitudes,
+            y=np.max(errors, axis=0),
+            mode="lines+markers",
+            name=name,
+            line={"color": ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7")[k]},
+        )
     return figure.update_layout(
-        xaxis={"title": "latitudes of the half band"}, legend={"x": 0.98, "xanchor": "right", "y": 0.98},
-        yaxis={"title": "largest relative error of the stiffness", "type": "log", "exponentformat": "power"})
+        xaxis={"title": "latitudes of the half band"},
+        legend={"x": 0.98, "xanchor": "right", "y": 0.98},
+        yaxis={
+            "title": "largest relative error of the stiffness",
+            "type": "log",
+            "exponentformat": "power",
+        },
+    )
 
 
 def main():
@@ -75,7 +108,9 @@ def main():
         for file in BIFURCATIONS:
             line = load_reference_bifurcation(file)
             for coordinate in ("X2", "Y2"):
-                draw(page, bifurcation_figure(line, [coordinate]), f"{Path(file).stem}_{coordinate}")
+                draw(
+                    page, bifurcation_figure(line, [coordinate]), f"{Path(file).stem}_{coordinate}"
+                )
         draw(page, stiffness_figure(), "stiffness")
         if (DOCS / "audit.csv").exists():
             draw(page, audit_figure(m), "audit")

@@ -29,9 +29,22 @@ def free_port():
 def dashboard(theme="light", script="app.py"):
     """The app, or another script, served on a free port of this machine; yields its address."""
     port = free_port()
-    command = [sys.executable, "-m", "streamlit", "run", str(script), "--server.port", str(port), "--server.headless", "true",
-               "--theme.base", theme]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    command = [
+        sys.executable,
+        "-m",
+        "streamlit",
+        "run",
+        str(script),
+        "--server.port",
+        str(port),
+        "--server.headless",
+        "true",
+        "--theme.base",
+        theme,
+    ]
+    process = subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     try:
         for _ in range(300):
             try:
@@ -47,7 +60,9 @@ def dashboard(theme="light", script="app.py"):
 
 def find_chromium():
     """Path of Chromium or Chrome on this machine, or None."""
-    return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    return next(
+        filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+    )
 
 
 @contextmanager
@@ -61,22 +76,28 @@ def browser_page(width=1440, height=900):
 
 
 def settled(page, seconds=180):
-    """Wait until the script has run, nothing is awaited any more, the compiler neither, and every figure is drawn; a background
-    job may still work."""
-    page.wait_for_selector("[data-testid='stApp'][data-test-script-state='notRunning']", timeout=1000 * seconds)
-    page.wait_for_function("""() => !document.querySelector("[data-testid='stSpinner'], [data-testid='stSkeleton']")
+    """Wait until the script has run, nothing is awaited any more, the compiler neither, and every
+    figure is drawn; a background job may still work."""
+    page.wait_for_selector(
+        "[data-testid='stApp'][data-test-script-state='notRunning']", timeout=1000 * seconds
+    )
+    page.wait_for_function(
+        """() => !document.querySelector("[data-testid='stSpinner'], [data-testid='stSkeleton']")
         && !document.body.innerText.includes('Compiling the solver')
         && document.querySelector("[data-testid='stMain'] h4, [data-testid='stMain'] [data-testid='stHeading']")
         && ![...document.querySelectorAll('.spab-still')].some(picture => picture.checkVisibility())
         && [...document.querySelectorAll('.stPlotlyChart')].every(c => !c.checkVisibility() || c.querySelector('.main-svg'))""",
-                           timeout=1000 * seconds)
+        timeout=1000 * seconds,
+    )
     page.wait_for_timeout(1200)
 
 
 def pages():
     """Address of each page by its name, home first: its own file, then pages/ in their order."""
-    return {"stability_map": ""} | {path.stem.partition("_")[2].lower(): path.stem.partition("_")[2]
-                                    for path in sorted((ROOT / "pages").glob("*.py"))}
+    return {"stability_map": ""} | {
+        path.stem.partition("_")[2].lower(): path.stem.partition("_")[2]
+        for path in sorted((ROOT / "pages").glob("*.py"))
+    }
 
 
 def _compare(page):
@@ -105,7 +126,9 @@ def shoot(page, path):
     page.mouse.move(0, 0)
     page.wait_for_timeout(300)
     picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-    picture.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(path, optimize=True)
+    picture.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(
+        path, optimize=True
+    )
     print(f"{path.relative_to(ROOT)} {path.stat().st_size:,}")
 
 
@@ -117,11 +140,18 @@ BEFORE = {"surrogate_map": _compare, "my_map": _map, "what_if": _what_if}
 def main(wanted):
     target = ROOT / "docs" / "pictures"
     target.mkdir(exist_ok=True)
-    with TemporaryDirectory() as jobs, patch.dict(os.environ, SPAB_JOBS=jobs), dashboard() as address, browser_page() as page:
+    with (
+        TemporaryDirectory() as jobs,
+        patch.dict(os.environ, SPAB_JOBS=jobs),
+        dashboard() as address,
+        browser_page() as page,
+    ):
         for name, place in pages().items():
             if wanted and name not in wanted:
                 continue
-            page.goto(f"{address}/{place}?{OWN if name in ('my_map', 'my_bearing', 'what_if') else POINT}")
+            page.goto(
+                f"{address}/{place}?{OWN if name in ('my_map', 'my_bearing', 'what_if') else POINT}"
+            )
             settled(page)
             if name in BEFORE:
                 BEFORE[name](page)

@@ -1,4 +1,6 @@
-"""Operating point: one rotor mass and bearing number solved live, in every view, beside the reference bearing if wanted."""
+"""Operating point: one rotor mass and bearing number solved live, in every view, beside the
+reference bearing if wanted.
+"""
 
 from functools import partial
 
@@ -10,34 +12,72 @@ from spab_core.plotting import point as draw
 from spab_core.ui import point as ui
 from spab_core.ui.downloads import downloads
 from spab_core.ui.shared import errors_in_words, page_head
-from spab_core.ui.view import POINT_TABS, SAME, chosen_design, design_option, design_words, is_reference, point_options
+from spab_core.ui.view import (
+    POINT_TABS,
+    SAME,
+    chosen_design,
+    design_option,
+    design_words,
+    is_reference,
+    point_options,
+)
 
 page_head("operating point")
 state = st.session_state
 
 head = st.container()
 a, b, c, d, e, f = st.columns([1, 1, 0.8, 0.8, 1.6, 0.8], vertical_alignment="bottom")
-a.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, None, key="bearing_number", step=0.05, format="%.3f",
-               help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
-b.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, None, key="rotor_mass", step=0.1, format="%.3f",
-               help="Whole rotor mass that one bearing carries")
+a.number_input(
+    "Bearing number Λ",
+    *BEARING_NUMBER_RANGE,
+    None,
+    key="bearing_number",
+    step=0.05,
+    format="%.3f",
+    help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless",
+)
+b.number_input(
+    "Rotor mass, kg",
+    *ROTOR_MASS_RANGE,
+    None,
+    key="rotor_mass",
+    step=0.1,
+    format="%.3f",
+    help="Whole rotor mass that one bearing carries",
+)
 with c.popover("Design", icon=":material/tune:", width="stretch"):
     ui.design_controls()
 with d.popover("Solver", icon=":material/memory:", width="stretch"):
     ui.solver_controls()
-compare = e.toggle("Compare with the reference bearing", key="compare", disabled=is_reference() and not state["compare"],
-                   help="Change a value of the design first: this is the reference bearing") and not is_reference()
+compare = (
+    e.toggle(
+        "Compare with the reference bearing",
+        key="compare",
+        disabled=is_reference() and not state["compare"],
+        help="Change a value of the design first: this is the reference bearing",
+    )
+    and not is_reference()
+)
 
 design, mass, number = chosen_design(), float(state["rotor_mass"]), float(state["bearing_number"])
-head.markdown(f"#### Operating point: Λ {number:.3f}, {design.speed_rpm(number):,.0f} rpm, {mass:.2f} kg, {design_words()}")
+head.markdown(
+    f"#### Operating point: Λ {number:.3f}, {design.speed_rpm(number):,.0f} rpm, {mass:.2f} kg, "
+    f"{design_words()}"
+)
 with errors_in_words():
     settings = ui.chosen_settings()
 
 sides = [(design, number, design_words(), "own")]
 if compare:
     usual = reference_design()
-    same = e.segmented_control("At the same", SAME, key="same", required=True, label_visibility="collapsed",
-                               format_func={SAME[0]: "same Λ", SAME[1]: "same speed"}.get)
+    same = e.segmented_control(
+        "At the same",
+        SAME,
+        key="same",
+        required=True,
+        label_visibility="collapsed",
+        format_func={SAME[0]: "same Λ", SAME[1]: "same speed"}.get,
+    )
     other = number if same == SAME[0] else usual.bearing_number(design.speed(number))
     sides.append((usual, other, "reference bearing SPAB-60", "reference"))
 
@@ -45,20 +85,27 @@ points = []
 for box, (one, at, words, key) in zip(st.columns(len(sides), gap="medium"), sides, strict=True):
     with box, errors_in_words():
         if compare:
-            st.markdown(f"**{words[0].upper()}{words[1:]}**: Λ {at:.3f}, {one.speed_rpm(at):,.0f} rpm")
+            st.markdown(
+                f"**{words[0].upper()}{words[1:]}**: Λ {at:.3f}, {one.speed_rpm(at):,.0f} rpm"
+            )
         point = ui.solved_point(one, mass, at, settings, key)
         points.append(point)
         if point is not None:
             ui.verdict_panel(point)
 
 
-LOW = {"spectrum": 315, "film": 290}  # pixels: with two designs side by side the page has a title and an axis more
+LOW = {
+    "spectrum": 315,
+    "film": 290,
+}  # pixels: with two designs side by side the page has a title and an axis more
 
 
 def show(name: str, figure, key: str) -> None:
     # given here, not to the figure: that of the film is everybody's
     height = min(figure.layout.height, LOW.get(name, 380)) if compare else "content"
-    st.plotly_chart(figure, key=f"{name}_{key}", width="stretch", height=height, config={"displaylogo": False})
+    st.plotly_chart(
+        figure, key=f"{name}_{key}", width="stretch", height=height, config={"displaylogo": False}
+    )
 
 
 def overview(point, key: str) -> None:
@@ -80,7 +127,9 @@ def tab_content(name: str, point, key: str) -> None:
     if name == "Overview":
         overview(point, key)
     elif point.mle is None:
-        st.info("The run did not complete: there is nothing to show but its run-up, in the overview.")
+        st.info(
+            "The run did not complete: there is nothing to show but its run-up, in the overview."
+        )
     elif name == "Orbits":
         bodies = ["journal"] if point.design.rigid else ["journal", "disc"]
         for box, body in zip(st.columns(2), bodies, strict=False):
@@ -89,10 +138,12 @@ def tab_content(name: str, point, key: str) -> None:
     elif name == "Film 3-D":
         film(point, key)
     else:
-        figure = {"Spectrum": lambda: ui.spectrum_of(point, 4).update_layout(height=405),
-                  "Signals": partial(draw.signals_figure, point),
-                  "Forces": lambda: draw.forces_figure(ui.revolution_of(point)),
-                  "Exponent": lambda: draw.exponent_figure(point).update_layout(height=440)}[name]()
+        figure = {
+            "Spectrum": lambda: ui.spectrum_of(point, 4).update_layout(height=405),
+            "Signals": partial(draw.signals_figure, point),
+            "Forces": lambda: draw.forces_figure(ui.revolution_of(point)),
+            "Exponent": lambda: draw.exponent_figure(point).update_layout(height=440),
+        }[name]()
         show(name.lower(), figure, key)
         if name == "Spectrum":
             st.caption(ui.strongest_lines(point))
@@ -102,32 +153,58 @@ def film(point, key: str) -> None:
     show("film", ui.film_of(point, colour), key)
     b = point.design.bearing
     wider = draw.FILM_SHARE * b.radius / b.clearance
-    st.caption(f"The journal within the bearing band (grey). The gap is drawn {wider:,.0f} times wider than it is "
-               f"({1e6 * b.clearance:g} µm on a radius of {1e3 * b.radius:g} mm); angles are true.")
+    st.caption(
+        f"The journal within the bearing band (grey). The gap is drawn {wider:,.0f} times wider "
+        "than it is "
+        f"({1e6 * b.clearance:g} µm on a radius of {1e3 * b.radius:g} mm); angles are true."
+    )
 
 
 shown = [(p, key) for p, (*_, key) in zip(points, sides, strict=True) if p is not None]
 if shown:
-    for tab, name in zip(st.tabs(POINT_TABS, key="tab", on_change="rerun"), POINT_TABS, strict=True):
+    for tab, name in zip(
+        st.tabs(POINT_TABS, key="tab", on_change="rerun"), POINT_TABS, strict=True
+    ):
         if tab.open:
             with tab, errors_in_words():
                 if name == "Film 3-D":
-                    colour = st.segmented_control("Colour", draw.QUANTITIES, key="film_colour",
-                                                  required=True, label_visibility="collapsed")
+                    colour = st.segmented_control(
+                        "Colour",
+                        draw.QUANTITIES,
+                        key="film_colour",
+                        required=True,
+                        label_visibility="collapsed",
+                    )
                 for box, (p, key) in zip(st.columns(len(shown), gap="medium"), shown, strict=True):
                     with box:
                         tab_content(name, p, key)
     t = shown[0][0].trajectory
     ended = ", settled on a periodic orbit" if t.settled else ""
-    st.caption(f"{t.completed} revolutions from rest{ended}, {t.steps:,} steps in {t.wall_seconds:.2f} s; {settings.method}, "
-               f"{settings.mesh} film nodes, {settings.scheme} differences. Run-up: the first 60 revolutions; load and "
-               "unbalance rise over 30.")
+    st.caption(
+        f"{t.completed} revolutions from rest{ended}, {t.steps:,} steps in {t.wall_seconds:.2f} "
+        f"s; {settings.method}, "
+        f"{settings.mesh} film nodes, {settings.scheme} differences. Run-up: the first 60 "
+        "revolutions; load and "
+        "unbalance rise over 30."
+    )
 
 with f:
     first = points[0]
     figures, tables, files = {}, {}, {}
     for p, key in shown:
-        figures |= {f"{title}{' reference' if key == 'reference' else ''}": make for title, make in ui.figures_of(p).items()}
+        figures |= {
+            f"{title}{' reference' if key == 'reference' else ''}": make
+            for title, make in ui.figures_of(p).items()
+        }
     if first is not None:
-        tables, files = {"Orbit": partial(ui.orbit_table, first)}, {"npz": partial(ui.point_npz, first)}
-    downloads("point", figures, tables, files, ui.simulate_command(design_option(), point_options(), settings))
+        tables, files = (
+            {"Orbit": partial(ui.orbit_table, first)},
+            {"npz": partial(ui.point_npz, first)},
+        )
+    downloads(
+        "point",
+        figures,
+        tables,
+        files,
+        ui.simulate_command(design_option(), point_options(), settings),
+    )

@@ -1,4 +1,6 @@
-"""Bifurcation diagrams: section and exponent along a line, the paper's two from the shipped data, any other computed live."""
+"""Bifurcation diagrams: section and exponent along a line, the paper's two from the shipped data,
+any other computed live.
+"""
 
 import streamlit as st
 
@@ -17,8 +19,11 @@ from spab_core.ui.view import LINES, VIEW, chosen_design, design_option, design_
 page_head("bifurcation")
 state = st.session_state
 POINT = ("rotor_mass", "bearing_number")
-if state["line"] == "paper" and not state.get("line_chosen") and (
-        not is_reference() or any(state[key] != VIEW[key].default for key in POINT)):
+if (
+    state["line"] == "paper"
+    and not state.get("line_chosen")
+    and (not is_reference() or any(state[key] != VIEW[key].default for key in POINT))
+):
     state["line"] = "rotor-mass"  # who comes with a point of their own wants the line through it
 
 
@@ -28,15 +33,43 @@ def _chosen():
 
 st.markdown("#### Bifurcation diagrams")
 a, b, c = st.columns([2.6, 1.2, 1.2], vertical_alignment="bottom")
-kind = a.segmented_control("Line", LINES, key="line", on_change=_chosen, format_func={
-    "paper": "The paper's two lines", "rotor-mass": "Over mass, through my point",
-    "bearing-number": "Over Λ, through my point"}.get)
-coordinates = b.pills("Coordinates, over C", COORDINATES, selection_mode="multi", key="coordinates",
-                      help="X₂, Y₂: journal; X₁, Y₁: disc; at τ = 2πk") or VIEW["coordinates"].default
-sweeps = c.pills("Sweeps", SWEEPS, selection_mode="multi", key="sweeps",
-                 help="cold: every point from rest; up, down: each point from where its neighbour ended, which shows motions "
-                      "that exist side by side") or VIEW["sweeps"].default
-coordinates, sweeps = [k for k in COORDINATES if k in coordinates], [k for k in SWEEPS if k in sweeps]
+kind = a.segmented_control(
+    "Line",
+    LINES,
+    key="line",
+    on_change=_chosen,
+    format_func={
+        "paper": "The paper's two lines",
+        "rotor-mass": "Over mass, through my point",
+        "bearing-number": "Over Λ, through my point",
+    }.get,
+)
+coordinates = (
+    b.pills(
+        "Coordinates, over C",
+        COORDINATES,
+        selection_mode="multi",
+        key="coordinates",
+        help="X₂, Y₂: journal; X₁, Y₁: disc; at τ = 2πk",
+    )
+    or VIEW["coordinates"].default
+)
+sweeps = (
+    c.pills(
+        "Sweeps",
+        SWEEPS,
+        selection_mode="multi",
+        key="sweeps",
+        help="cold: every point from rest; up, down: each point from where its neighbour ended, "
+        "which shows motions "
+        "that exist side by side",
+    )
+    or VIEW["sweeps"].default
+)
+coordinates, sweeps = (
+    [k for k in COORDINATES if k in coordinates],
+    [k for k in SWEEPS if k in sweeps],
+)
 mass, number = state["rotor_mass"], state["bearing_number"]
 
 if kind == "paper":
@@ -45,22 +78,59 @@ if kind == "paper":
             line = shipped_line(name)
             over_mass = line.vary == "rotor-mass"
             other, value = (number, mass) if over_mass else (mass, number)
-            title = f"Over rotor mass at Λ = {line.at:g}" if over_mass else f"Over bearing number at {line.at:g} kg"
-            line_view(line, coordinates, sweeps, value if is_reference() and other == line.at else None, title,
-                      name=f"bifurcation_{line.vary}", file=ARTIFACTS / name, command=line_command(line, sweeps), height=415)
-    st.caption(f"Reference bearing, {line.metadata['mesh']} film nodes, {line.metadata['transient']} + "
-               f"{line.metadata['revolutions']} revolutions a point, shipped with spab.")
+            title = (
+                f"Over rotor mass at Λ = {line.at:g}"
+                if over_mass
+                else f"Over bearing number at {line.at:g} kg"
+            )
+            line_view(
+                line,
+                coordinates,
+                sweeps,
+                value if is_reference() and other == line.at else None,
+                title,
+                name=f"bifurcation_{line.vary}",
+                file=ARTIFACTS / name,
+                command=line_command(line, sweeps),
+                height=415,
+            )
+    st.caption(
+        f"Reference bearing, {line.metadata['mesh']} film nodes, {line.metadata['transient']} + "
+        f"{line.metadata['revolutions']} revolutions a point, shipped with spab."
+    )
     st.stop()
 
 over_mass = kind == "rotor-mass"
-along, limits, unit = ("mass", ROTOR_MASS_RANGE, "kg") if over_mass else ("number", BEARING_NUMBER_RANGE, "Λ")
+along, limits, unit = (
+    ("mass", ROTOR_MASS_RANGE, "kg") if over_mass else ("number", BEARING_NUMBER_RANGE, "Λ")
+)
 row = st.container(horizontal=True, vertical_alignment="bottom")
-number = row.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, None, key="bearing_number", step=0.05, format="%.3f",
-                          help="Of the chosen point, the same on every page", width=160)
-mass = row.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, None, key="rotor_mass", step=0.1, format="%.3f",
-                        help="Of the chosen point, on one bearing", width=160)
-start = row.number_input(f"From, {unit}", *limits, None, key=f"{along}_from", step=0.1, format="%.3f", width=160)
-stop = row.number_input(f"To, {unit}", *limits, None, key=f"{along}_to", step=0.1, format="%.3f", width=160)
+number = row.number_input(
+    "Bearing number Λ",
+    *BEARING_NUMBER_RANGE,
+    None,
+    key="bearing_number",
+    step=0.05,
+    format="%.3f",
+    help="Of the chosen point, the same on every page",
+    width=160,
+)
+mass = row.number_input(
+    "Rotor mass, kg",
+    *ROTOR_MASS_RANGE,
+    None,
+    key="rotor_mass",
+    step=0.1,
+    format="%.3f",
+    help="Of the chosen point, on one bearing",
+    width=160,
+)
+start = row.number_input(
+    f"From, {unit}", *limits, None, key=f"{along}_from", step=0.1, format="%.3f", width=160
+)
+stop = row.number_input(
+    f"To, {unit}", *limits, None, key=f"{along}_to", step=0.1, format="%.3f", width=160
+)
 count = row.number_input("Points", 2, 2000, None, key="points", step=10, width=160)
 with row.popover("Solver", icon=":material/memory:"):
     solver_controls(cost=False)
@@ -68,23 +138,57 @@ with row.popover("Solver", icon=":material/memory:"):
 at, value = (number, mass) if over_mass else (mass, number)
 with errors_in_words():
     settings = chosen_settings()
-    parameters = {"design": chosen_design().to_dict(), "vary": kind, "at": at, "range": f"{start!r}:{stop!r}:{int(count)}",
-                  "sweeps": sweeps, "settings": settings.to_dict()}
+    parameters = {
+        "design": chosen_design().to_dict(),
+        "vary": kind,
+        "at": at,
+        "range": f"{start!r}:{stop!r}:{int(count)}",
+        "sweeps": sweeps,
+        "settings": settings.to_dict(),
+    }
     job = done_with_more("bifurcation", parameters)
     points = int(count) * len(sweeps)
-    seconds = points * expected_seconds(settings, number if over_mass else start) / workers_for(points)
+    seconds = (
+        points * expected_seconds(settings, number if over_mass else start) / workers_for(points)
+    )
     label = f"Compute {points:,} points (up to {duration(max(seconds, 1.0))})"
 job = job or job_panel("bifurcation", parameters, label, "line_job")
-title = (f"Over rotor mass at Λ = {at:.4g} ({chosen_design().speed_rpm(at):,.0f} rpm)" if over_mass
-         else f"Over bearing number at {at:.4g} kg")
+title = (
+    f"Over rotor mass at Λ = {at:.4g} ({chosen_design().speed_rpm(at):,.0f} rpm)"
+    if over_mass
+    else f"Over bearing number at {at:.4g} kg"
+)
 with errors_in_words():
     if job:
         line = line_of_job(job)
-        line_view(line, coordinates, sweeps, value, f"{title}, {design_words()}", name="bifurcation", file=job.result,
-                  command=line_command(line, sweeps, design_option()), height=600, beside=True)
+        line_view(
+            line,
+            coordinates,
+            sweeps,
+            value,
+            f"{title}, {design_words()}",
+            name="bifurcation",
+            file=job.result,
+            command=line_command(line, sweeps, design_option()),
+            height=600,
+            beside=True,
+        )
     elif is_reference():
         line = line_of_map(reference_map(), kind, at)
-        line_view(line, (), ["cold"], value, f"{title}: exponent, as the shipped map has it", name="preview", file=None,
-                  command=line_command(line, ["cold"]), height=380, beside=True)
-        st.caption(f"The map's cells at {'Λ = ' if over_mass else ''}{line.at:.4g}{'' if over_mass else ' kg'}, the nearest. "
-                   "The section and the other sweeps have to be computed.")
+        line_view(
+            line,
+            (),
+            ["cold"],
+            value,
+            f"{title}: exponent, as the shipped map has it",
+            name="preview",
+            file=None,
+            command=line_command(line, ["cold"]),
+            height=380,
+            beside=True,
+        )
+        st.caption(
+            "The map's cells at "
+            f"{'Λ = ' if over_mass else ''}{line.at:.4g}{'' if over_mass else ' kg'}, the nearest. "
+            "The section and the other sweeps have to be computed."
+        )

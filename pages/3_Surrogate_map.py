@@ -1,4 +1,6 @@
-"""Surrogate map: a model trained on some of the map's cells predicts the rest; solved, predicted and error side by side."""
+"""Surrogate map: a model trained on some of the map's cells predicts the rest; solved, predicted
+and error side by side.
+"""
 
 from functools import partial
 
@@ -51,60 +53,117 @@ def _clicked(number, mass):
 st.markdown("#### Surrogate map of the reference bearing")
 a, b, c, d = st.columns([2, 2.2, 0.8, 0.9], vertical_alignment="bottom")
 names = list(MODELS)
-name = a.selectbox("Model", names, key="model",
-                   format_func=lambda k: f"{MODELS[k].label} ({MODELS[k].group})",
-                   help="Paper: the four of Kuo, Lee and Wang. Interpolation: what a designer would do without them.")
-divisor = b.segmented_control("Cells trained on, of n solved ones", DIVISORS, key="divisor",
-                              format_func=lambda k: f"n/{k}")
-seed = c.number_input("Draw", 0, 999, None, key="draw",
-                      help="Which cells are drawn to train on: another number, other cells")
+name = a.selectbox(
+    "Model",
+    names,
+    key="model",
+    format_func=lambda k: f"{MODELS[k].label} ({MODELS[k].group})",
+    help="Paper: the four of Kuo, Lee and Wang. Interpolation: what a designer would do without "
+    "them.",
+)
+divisor = b.segmented_control(
+    "Cells trained on, of n solved ones", DIVISORS, key="divisor", format_func=lambda k: f"n/{k}"
+)
+seed = c.number_input(
+    "Draw",
+    0,
+    999,
+    None,
+    key="draw",
+    help="Which cells are drawn to train on: another number, other cells",
+)
 
 with errors_in_words():
     predicted = predicted_map(name, divisor, int(seed))
 
 found = errors(m, predicted)
 row, column = _chosen_cell()
-shown, chosen = (name, divisor, int(seed)), (float(m.bearing_number[row]), float(m.rotor_mass[column]))
+shown, chosen = (
+    (name, divisor, int(seed)),
+    (float(m.bearing_number[row]), float(m.rotor_mass[column])),
+)
 figure = marked_surrogate_figure(mark_place("maps", shown, chosen), *shown)
 lives = error_by_regime(m, predicted)
 with d:
     # not the page's own figure: its mark may stand where it was before a click (mark_place)
-    downloads("surrogate", {"Maps": lambda: marked_surrogate_figure(chosen, *shown)}, {
-        "Predicted map": partial(prediction_table, m, predicted), "Errors": lives.rename_axis("where").reset_index},
+    downloads(
+        "surrogate",
+        {"Maps": lambda: marked_surrogate_figure(chosen, *shown)},
+        {
+            "Predicted map": partial(prediction_table, m, predicted),
+            "Errors": lives.rename_axis("where").reset_index,
+        },
         {"npz": partial(prediction_npz, m, predicted)},
-        f"spab predict --model {name} --divisor {divisor} --seed {int(seed)} --out predicted.npz")
+        f"spab predict --model {name} --divisor {divisor} --seed {int(seed)} --out predicted.npz",
+    )
 spread = float(np.nanstd(m.mle))
 with st.container(horizontal=True, horizontal_alignment="distribute"):
     for label, value, text in (
-            ("RMSE, held-out cells", f"{found['rmse_held_out']:.3f}", "Per revolution, over the cells not trained on"),
-            ("MAE, held-out cells", f"{found['mae_held_out']:.3f}", "Per revolution"),
-            ("RMSE over deviation", f"{found['rmse_held_out'] / spread:.3f}",
-             f"Held-out RMSE over the map's standard deviation, {spread:.3f} per revolution: 1 is no better than the mean of "
-             "the map"),
-            ("RMSE, whole map", f"{found['rmse_all']:.3f}", "Training cells included, as the paper counts"),
-            ("Cells trained on", f"{predicted.surrogate.training_cells:,}", None)):
+        (
+            "RMSE, held-out cells",
+            f"{found['rmse_held_out']:.3f}",
+            "Per revolution, over the cells not trained on",
+        ),
+        ("MAE, held-out cells", f"{found['mae_held_out']:.3f}", "Per revolution"),
+        (
+            "RMSE over deviation",
+            f"{found['rmse_held_out'] / spread:.3f}",
+            f"Held-out RMSE over the map's standard deviation, {spread:.3f} per revolution: 1 is "
+            "no better than the mean of "
+            "the map",
+        ),
+        (
+            "RMSE, whole map",
+            f"{found['rmse_all']:.3f}",
+            "Training cells included, as the paper counts",
+        ),
+        ("Cells trained on", f"{predicted.surrogate.training_cells:,}", None),
+    ):
         st.metric(label, value, help=text, width="content")
 if predicted.surrogate.converged is False:
-    st.warning("The training of this network stopped at its limit of 500 epochs, before its own criterion was met.")
+    st.warning(
+        "The training of this network stopped at its limit of 500 epochs, before its own "
+        "criterion was met."
+    )
 
 with st.container(key="wide_maps"):
     clickable(figure, "maps", _clicked, "x3", config={"displaylogo": False, "scrollZoom": True})
 
 sure, cell, beside = None, _chosen_cell(), state["beside"]
-number, mass = (float(f"{axis[k]:.6g}") for axis, k in zip((m.bearing_number, m.rotor_mass), cell, strict=True))
+number, mass = (
+    float(f"{axis[k]:.6g}") for axis, k in zip((m.bearing_number, m.rotor_mass), cell, strict=True)
+)
 a, b = st.columns([3, 1], vertical_alignment="center")
 if beside:
-    a.markdown(f"##### Compared at Λ {number:.3f}, {m.design.speed_rpm(number):,.0f} rpm, {mass:.2f} kg")
-    if b.button("Open this operating point", key="open_point", icon=":material/arrow_forward:", width="stretch",
-                on_click=set_point, args=(mass, number)):
+    a.markdown(
+        f"##### Compared at Λ {number:.3f}, {m.design.speed_rpm(number):,.0f} rpm, {mass:.2f} kg"
+    )
+    if b.button(
+        "Open this operating point",
+        key="open_point",
+        icon=":material/arrow_forward:",
+        width="stretch",
+        on_click=set_point,
+        args=(mass, number),
+    ):
         st.switch_page("pages/1_Operating_point.py")
     told = st.empty()
 else:
     a.info("Click a cell of the error map: the prediction there is compared with the live solve.")
-    b.button(f"Compare at Λ {number:.4g}, {mass:.4g} kg", key="compare_here", width="stretch", on_click=_compare)
+    b.button(
+        f"Compare at Λ {number:.4g}, {mass:.4g} kg",
+        key="compare_here",
+        width="stretch",
+        on_click=_compare,
+    )
 if beside or state["sure"]:
-    job = job_panel("intervals", {"model": name, "divisor": divisor, "seed": int(seed)}, "Compute its 90 % intervals",
-                    "intervals", auto=True)
+    job = job_panel(
+        "intervals",
+        {"model": name, "divisor": divisor, "seed": int(seed)},
+        "Compute its 90 % intervals",
+        "intervals",
+        auto=True,
+    )
     with errors_in_words():
         sure = intervals_of_job(job) if job else None
 if beside:
@@ -112,20 +171,30 @@ if beside:
         point = live_point(m.design, mass, number)
 if beside and point is not None:
     interval = (float(sure.low[cell]), float(sure.high[cell])) if sure else None
-    inside, words = comparison_words(float(predicted.mle[cell]), point.mle, interval, bool(predicted.trained[cell]))
+    inside, words = comparison_words(
+        float(predicted.mle[cell]), point.mle, interval, bool(predicted.trained[cell])
+    )
     {True: told.success, False: told.warning, None: told.info}[inside](words)
 
 if predicted.note:
     st.warning(f"Trained on this machine: {predicted.note}.")
-st.caption(f"{time_text(predicted)} Colours end at the 98th percentile of the error; training cells are blank "
-           "there. Cells without an exponent are left out.")
+st.caption(
+    f"{time_text(predicted)} Colours end at the 98th percentile of the error; training cells are "
+    "blank "
+    "there. Cells without an exponent are left out."
+)
 
 st.markdown("##### Where the error lives (held-out cells)")
-st.dataframe(lives, width="content", column_config={
-    "cells": st.column_config.NumberColumn("cells", format="localized"),
-    "rmse": st.column_config.NumberColumn("RMSE per revolution", format="%.4f"),
-    "mae": st.column_config.NumberColumn("MAE per revolution", format="%.4f"),
-    "share": st.column_config.NumberColumn("share of squared error", format="percent")})
+st.dataframe(
+    lives,
+    width="content",
+    column_config={
+        "cells": st.column_config.NumberColumn("cells", format="localized"),
+        "rmse": st.column_config.NumberColumn("RMSE per revolution", format="%.4f"),
+        "mae": st.column_config.NumberColumn("MAE per revolution", format="%.4f"),
+        "share": st.column_config.NumberColumn("share of squared error", format="percent"),
+    },
+)
 
 st.toggle("How sure is it? Regimes, intervals and probability of instability", key="sure")
 if state["sure"] and sure is None:
@@ -134,19 +203,43 @@ elif state["sure"]:
     scores, tested = uncertainty_scores(m, sure), sure.held_out
     bins, _ = reliability(m.regime[tested] != "periodic", sure.unstable[tested])
     cells = st.columns(5)
-    cells[0].metric("Regime accuracy", f"{scores['regime_accuracy']:.1%}",
-                    help="Held-out cells; a classifier of its own, trained on the same cells, whatever the model above")
+    cells[0].metric(
+        "Regime accuracy",
+        f"{scores['regime_accuracy']:.1%}",
+        help="Held-out cells; a classifier of its own, trained on the same cells, whatever the "
+        "model above",
+    )
     cells[1].metric("F1 of chaos", f"{scores['chaos_f1']:.3f}", help="Likewise")
-    cells[2].metric("Coverage of 90 % intervals", f"{scores['coverage']:.1%}",
-                    help="Share of held-out cells inside; " + ", ".join(
-                        f"{r} {scores[f'coverage_{r}']:.1%}" for r in ("periodic", "quasi-periodic", "chaotic")))
-    cells[3].metric("Median width", f"{scores['width']:.3f}", help="Of the intervals, per revolution")
-    cells[4].metric("Calibration error", f"{scores['calibration_error']:.4f}",
-                    help="Of the probability of instability: mean gap between the share told and found, ten bins")
+    cells[2].metric(
+        "Coverage of 90 % intervals",
+        f"{scores['coverage']:.1%}",
+        help="Share of held-out cells inside; "
+        + ", ".join(
+            f"{r} {scores[f'coverage_{r}']:.1%}" for r in ("periodic", "quasi-periodic", "chaotic")
+        ),
+    )
+    cells[3].metric(
+        "Median width", f"{scores['width']:.3f}", help="Of the intervals, per revolution"
+    )
+    cells[4].metric(
+        "Calibration error",
+        f"{scores['calibration_error']:.4f}",
+        help="Of the probability of instability: mean gap between the share told and found, ten "
+        "bins",
+    )
     st.plotly_chart(uncertainty_figure(m, sure), key="sure_maps", width="stretch")
     left, right = st.columns([3, 2], gap="medium")
     left.plotly_chart(reliability_figure(bins), key="reliability", width="stretch")
-    right.dataframe(bins, hide_index=True, column_config={
-        k: st.column_config.NumberColumn(k, format="%.2f") for k in ("low", "high", "predicted", "observed")})
-    st.caption("Intervals: split conformal, calibrated on a quarter of the training cells, for each predicted regime apart. "
-               "Unstable: the exponent is not negative, the motion not periodic.")
+    right.dataframe(
+        bins,
+        hide_index=True,
+        column_config={
+            k: st.column_config.NumberColumn(k, format="%.2f")
+            for k in ("low", "high", "predicted", "observed")
+        },
+    )
+    st.caption(
+        "Intervals: split conformal, calibrated on a quarter of the training cells, for each "
+        "predicted regime apart. "
+        "Unstable: the exponent is not negative, the motion not periodic."
+    )

@@ -1,4 +1,6 @@
-"""Model ranking: errors of all models over the training fractions, the paper's tables beside ours, and a suggestion."""
+"""Model ranking: errors of all models over the training fractions, the paper's tables beside ours,
+and a suggestion.
+"""
 
 import hashlib
 
@@ -26,90 +28,175 @@ from spab_core.ui.view import CELLS, METRICS, chosen_design, design_words
 page_head("model ranking")
 
 with errors_in_words():
-    m, scores, blocks, best_first = reference_map(), reference_scores(), block_scores(), reference_ranking("held_out")
+    m, scores, blocks, best_first = (
+        reference_map(),
+        reference_scores(),
+        block_scores(),
+        reference_ranking("held_out"),
+    )
 
 st.markdown("#### Which model predicts the map best?")
 st.success(suggestion(best_first))
 a, b, c = st.columns([2, 2.4, 0.9], vertical_alignment="bottom")
 metric = a.segmented_control("Error", METRICS, key="metric", format_func=str.upper)
-kind = b.segmented_control("Over", CELLS, key="cells", format_func=lambda k: {
-    "held_out": "held-out cells", "all": "whole map (as the paper counts)"}[k])
+kind = b.segmented_control(
+    "Over",
+    CELLS,
+    key="cells",
+    format_func=lambda k: {"held_out": "held-out cells", "all": "whole map (as the paper counts)"}[
+        k
+    ],
+)
 
 column = f"{metric}_{kind}"
 found = table(scores, column)[best_first.index]  # the best first
 fractions = [f"n/{k}" for k in DIVISORS if f"n/{k}" in found.index]
-figure = fraction_figure(found.loc[fractions], spread(scores, column), f"{metric.upper()} per revolution")
+figure = fraction_figure(
+    found.loc[fractions], spread(scores, column), f"{metric.upper()} per revolution"
+)
 ranked = reference_ranking(kind)
 with c:
-    downloads("ranking", {"Errors": figure}, {
-        "Ranking": ranked.rename_axis("model").reset_index, "Table": found.rename_axis("trained on").reset_index,
-        "All trainings": scores.copy}, command="spab evaluate --out scores.csv")
+    downloads(
+        "ranking",
+        {"Errors": figure},
+        {
+            "Ranking": ranked.rename_axis("model").reset_index,
+            "Table": found.rename_axis("trained on").reset_index,
+            "All trainings": scores.copy,
+        },
+        command="spab evaluate --out scores.csv",
+    )
 left, right = st.columns(2, gap="medium")
 with left:
     st.plotly_chart(figure, key="lines", width="stretch")
-    st.caption(f"Means over {scores['seed'].nunique()} draws of the training cells, bars: one standard deviation. Solid: the "
-               "paper's models, dotted: interpolation, dashed: others.")
+    st.caption(
+        f"Means over {scores['seed'].nunique()} draws of the training cells, bars: one standard "
+        "deviation. Solid: the "
+        "paper's models, dotted: interpolation, dashed: others."
+    )
 with right:
-    st.dataframe(ranked.rename(index=lambda k: MODELS[k].label), height=420, column_config={
-        "_index": st.column_config.Column("model", width=140),
-        "rmse": st.column_config.NumberColumn("RMSE", format="%.4f"),
-        "mae": st.column_config.NumberColumn("MAE", format="%.4f"),
-        "spread": st.column_config.NumberColumn("spread", format="%.4f", help="Standard deviation of the RMSE over fractions"),
-        "rank_rmse": "by RMSE", "rank_mae": "by MAE", "rank_spread": "by spread",
-        "tied": st.column_config.CheckboxColumn("tied", help="Its RMSE differs from the best one by chance only "
-                                                             "(paired t test over the draws, 5 %)")})
+    st.dataframe(
+        ranked.rename(index=lambda k: MODELS[k].label),
+        height=420,
+        column_config={
+            "_index": st.column_config.Column("model", width=140),
+            "rmse": st.column_config.NumberColumn("RMSE", format="%.4f"),
+            "mae": st.column_config.NumberColumn("MAE", format="%.4f"),
+            "spread": st.column_config.NumberColumn(
+                "spread", format="%.4f", help="Standard deviation of the RMSE over fractions"
+            ),
+            "rank_rmse": "by RMSE",
+            "rank_mae": "by MAE",
+            "rank_spread": "by spread",
+            "tied": st.column_config.CheckboxColumn(
+                "tied",
+                help="Its RMSE differs from the best one by chance only "
+                "(paired t test over the draws, 5 %)",
+            ),
+        },
+    )
 
-st.markdown(f"##### {metric.upper()} per revolution, {'held-out cells' if kind == 'held_out' else 'whole map'}")
-st.dataframe(found.rename(columns=lambda k: MODELS[k].label).style.format("{:.4f}"), width="stretch",
-             column_config={"_index": st.column_config.Column("trained on", width=150)})
+st.markdown(
+    f"##### {metric.upper()} per revolution, "
+    f"{'held-out cells' if kind == 'held_out' else 'whole map'}"
+)
+st.dataframe(
+    found.rename(columns=lambda k: MODELS[k].label).style.format("{:.4f}"),
+    width="stretch",
+    column_config={"_index": st.column_config.Column("trained on", width=150)},
+)
 unfinished = scores[scores["converged"].eq(False)]
 if len(unfinished):
     total = int((scores["model"] == "mlp").sum())
-    st.caption(f"The MLP stopped at its limit of 500 epochs in {len(unfinished)} of {total} trainings.")
+    st.caption(
+        f"The MLP stopped at its limit of 500 epochs in {len(unfinished)} of {total} trainings."
+    )
 
 st.markdown("##### Whole rectangles withheld: held-out RMSE per revolution")
 if blocks is None:
-    st.caption("No scores on withheld rectangles are shipped: `spab evaluate --split blocks` computes them.")
+    st.caption(
+        "No scores on withheld rectangles are shipped: `spab evaluate --split blocks` computes "
+        "them."
+    )
 else:
     same = scores[scores["divisor"].isin(blocks["divisor"])]
-    rows = {title: table(s, "rmse_held_out").loc["Average"] for title, s in (("cells at random", same), ("rectangles", blocks))}
+    rows = {
+        title: table(s, "rmse_held_out").loc["Average"]
+        for title, s in (("cells at random", same), ("rectangles", blocks))
+    }
     order = [k for k in best_first.index if k in set(blocks["model"])]
     beside = pd.DataFrame(rows).T[order].rename(columns=lambda k: MODELS[k].label)
     st.dataframe(beside.style.format("{:.3f}", na_rep=""), width="stretch")
     which = ", ".join(f"n/{k}" for k in sorted(blocks["divisor"].unique()))
-    st.caption(f"Averages over {which}. A quarter of 10 × 10 rectangles of the plane holds no training cell, errors are "
-               "measured there: what interpolation knows does not reach inside.")
+    st.caption(
+        f"Averages over {which}. A quarter of 10 × 10 rectangles of the plane holds no training "
+        "cell, errors are "
+        "measured there: what interpolation knows does not reach inside."
+    )
 
-st.markdown("##### Beside the paper: RMSE over the whole map, divided by the map's standard deviation")
+st.markdown(
+    "##### Beside the paper: RMSE over the whole map, divided by the map's standard deviation"
+)
 deviation = float(np.nanstd(m.mle))
 whole = table(scores, "rmse_all")
-beside = pd.DataFrame({f"{MODELS[k].label}, {whose}": values for k in PAPER_RMSE for whose, values in (
-    ("ours", (whole.loc[fractions, k] / deviation).to_numpy()), ("paper", PAPER_RMSE[k][:len(fractions)]))}, index=fractions)
+beside = pd.DataFrame(
+    {
+        f"{MODELS[k].label}, {whose}": values
+        for k in PAPER_RMSE
+        for whose, values in (
+            ("ours", (whole.loc[fractions, k] / deviation).to_numpy()),
+            ("paper", PAPER_RMSE[k][: len(fractions)]),
+        )
+    },
+    index=fractions,
+)
 st.dataframe(beside.style.format("{:.2f}"), width="stretch")
-st.caption(f"Ours over {deviation:.3f} per revolution. The paper does not tell its unit; its SVM column, 0.98 to 0.99, is "
-           "taken as one standard deviation of its map, so its numbers stand as printed. Two different bearings: compare the "
-           "pattern.")
+st.caption(
+    f"Ours over {deviation:.3f} per revolution. The paper does not tell its unit; its SVM column, "
+    "0.98 to 0.99, is "
+    "taken as one standard deviation of its map, so its numbers stand as printed. Two different "
+    "bearings: compare the "
+    "pattern."
+)
 
 st.markdown("##### On your own data")
-st.caption("Exponents measured or computed elsewhere: a CSV file with the columns Λ, m_r (kg on one bearing) and MLE (per "
-           "revolution, natural logarithm), on a grid or not. The same protocol is run on them.")
+st.caption(
+    "Exponents measured or computed elsewhere: a CSV file with the columns Λ, m_r (kg on one "
+    "bearing) and MLE (per "
+    "revolution, natural logarithm), on a grid or not. The same protocol is run on them."
+)
 file = st.file_uploader("CSV file", "csv", key="own_data")
 if file is not None:
     with errors_in_words():
         samples = read_samples(file.getvalue())
         data = samples_bytes(samples)
-        left = f", {samples.left_out:,} rows without an exponent left out" if samples.left_out else ""
-        st.caption(f"{len(samples.mle):,} points{left}. {design_words().capitalize()} gives the linear theory that some models "
-                   "start from.")
-        job = job_panel("ranking", {"design": chosen_design().to_dict(), "samples": hashlib.sha256(data).hexdigest()},
-                        "Train and rank the models on them", "own_ranking", files={SAMPLES: data})
+        left = (
+            f", {samples.left_out:,} rows without an exponent left out" if samples.left_out else ""
+        )
+        st.caption(
+            f"{len(samples.mle):,} points{left}. {design_words().capitalize()} gives the linear "
+            "theory that some models "
+            "start from."
+        )
+        job = job_panel(
+            "ranking",
+            {"design": chosen_design().to_dict(), "samples": hashlib.sha256(data).hexdigest()},
+            "Train and rank the models on them",
+            "own_ranking",
+            files={SAMPLES: data},
+        )
         if job:
             own = pd.read_csv(job.result)
             own_best = ranking(own)
             st.success(suggestion(own_best))
             own_found = table(own, "rmse_held_out")[own_best.index]
             own_lines = [name for name in fractions if name in own_found.index]
-            own_figure = fraction_figure(own_found.loc[own_lines], spread(own, "rmse_held_out"), "RMSE per revolution")
+            own_figure = fraction_figure(
+                own_found.loc[own_lines], spread(own, "rmse_held_out"), "RMSE per revolution"
+            )
             st.plotly_chart(own_figure, key="own_lines", width="stretch")
-            st.dataframe(own_found.rename(columns=lambda k: MODELS[k].label).style.format("{:.4f}"), width="stretch")
+            st.dataframe(
+                own_found.rename(columns=lambda k: MODELS[k].label).style.format("{:.4f}"),
+                width="stretch",
+            )
             downloads("own_ranking", {"RMSE": own_figure}, {"Scores": lambda: own})

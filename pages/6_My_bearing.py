@@ -1,4 +1,6 @@
-"""My bearing: from the designer's drawing to numbers, live: groups, equilibrium, gas flow, stiffness and damping, whirl."""
+"""My bearing: from the designer's drawing to numbers, live: groups, equilibrium, gas flow,
+stiffness and damping, whirl.
+"""
 
 import pandas as pd
 import streamlit as st
@@ -20,13 +22,23 @@ def verdict(found: Derived) -> None:
     if found.status != "ok":
         st.error(f"{found.status[0].upper()}{found.status[1:]}.")
     elif found.whirl is None:
-        st.success("Stable at rest: every disturbance dies away without whirling (linear theory, no unbalance).")
+        st.success(
+            "Stable at rest: every disturbance dies away without whirling (linear theory, no "
+            "unbalance)."
+        )
     elif found.whirl.stable:
-        st.success(f"Stable at rest: the least stable whirl, {found.whirl.speed_rpm:,.0f} a minute, decays by "
-                   f"{-found.whirl.growth:.3g} per revolution (linear theory, no unbalance).")
+        st.success(
+            f"Stable at rest: the least stable whirl, {found.whirl.speed_rpm:,.0f} a minute, "
+            "decays by "
+            f"{-found.whirl.growth:.3g} per revolution (linear theory, no unbalance)."
+        )
     else:
-        st.error(f"Unstable at rest: a whirl of {found.whirl.speed_rpm:,.0f} a minute grows by {found.whirl.growth:.3g} per "
-                 "revolution (linear theory, no unbalance). What it grows into, the operating point's orbit shows.")
+        st.error(
+            f"Unstable at rest: a whirl of {found.whirl.speed_rpm:,.0f} a minute grows by "
+            f"{found.whirl.growth:.3g} per "
+            "revolution (linear theory, no unbalance). What it grows into, the operating point's "
+            "orbit shows."
+        )
 
 
 def numbers(found: Derived) -> None:
@@ -35,21 +47,42 @@ def numbers(found: Derived) -> None:
     cells = st.columns(5)
     cells[0].metric("Bearing number Λ", f"{found.bearing_number:.3g}", help="(6 μ ω / p_a)(R/C)²")
     cells[1].metric("Mass number M", f"{found.mass_number:.3g}", help="m_r C ω² / (p_a R²)")
-    cells[2].metric("Shaft stiffness K", "rigid" if rigid else f"{found.shaft_stiffness_number:.3g}", help="K_s C / (p_a R²)")
+    cells[2].metric(
+        "Shaft stiffness K",
+        "rigid" if rigid else f"{found.shaft_stiffness_number:.3g}",
+        help="K_s C / (p_a R²)",
+    )
     cells[3].metric("Feeding number β", f"{found.feeding_number:.3g}", help="6 κ R² / (H_p C³)")
     cells[4].metric("Load number W", f"{found.load_number:.3g}", help="m_r g / (p_a R²)")
     if found.status != "ok":
         return
     cells = st.columns(5)
-    cells[0].metric("Eccentricity", f"{found.eccentricity:.3f}", help="Of the journal at rest on its film, over the clearance")
-    cells[1].metric("Attitude angle", f"{found.attitude_angle:.1f}°", help="From the load to the journal's displacement, with "
-                    "the rotation")
-    cells[2].metric("Thinnest film", f"{1e6 * found.least_film:.1f} µm", help="C (1 - e), at rest on the film")
-    cells[3].metric("Gas flow, Nl/min", f"{found.gas_flow.normal_litres:.3g}", help="Through the porous wall, net (negative: "
-                    f"drawn in at the edges); litres a minute at 0 °C and 1.01325 bar. {found.gas_flow.mass:.3g} kg/s of air "
-                    "at 20 °C")
-    cells[4].metric("Whirl / speed", "none" if found.whirl is None else f"{found.whirl.ratio:.3f}", help="Frequency of the "
-                    "least stable whirl over the shaft speed")
+    cells[0].metric(
+        "Eccentricity",
+        f"{found.eccentricity:.3f}",
+        help="Of the journal at rest on its film, over the clearance",
+    )
+    cells[1].metric(
+        "Attitude angle",
+        f"{found.attitude_angle:.1f}°",
+        help="From the load to the journal's displacement, with the rotation",
+    )
+    cells[2].metric(
+        "Thinnest film", f"{1e6 * found.least_film:.1f} µm", help="C (1 - e), at rest on the film"
+    )
+    cells[3].metric(
+        "Gas flow, Nl/min",
+        f"{found.gas_flow.normal_litres:.3g}",
+        help="Through the porous wall, net (negative: "
+        "drawn in at the edges); litres a minute at 0 °C and 1.01325 bar. "
+        f"{found.gas_flow.mass:.3g} kg/s of air "
+        "at 20 °C",
+    )
+    cells[4].metric(
+        "Whirl / speed",
+        "none" if found.whirl is None else f"{found.whirl.ratio:.3f}",
+        help="Frequency of the least stable whirl over the shaft speed",
+    )
 
 
 def rows(found: Derived) -> pd.DataFrame:
@@ -62,7 +95,11 @@ st.markdown("#### My bearing")
 left, right = st.columns([1, 1.35], gap="large")
 with left:
     design_form()
-design, mass, number = chosen_design(), st.session_state["rotor_mass"], st.session_state["bearing_number"]
+design, mass, number = (
+    chosen_design(),
+    st.session_state["rotor_mass"],
+    st.session_state["bearing_number"],
+)
 with right:
     if waits_for_compiler(design, mass, number, linear=True):
         st.stop()
@@ -72,20 +109,43 @@ with right:
     numbers(found)
     if found.status == "ok":
         a, b = st.columns([2, 1], vertical_alignment="bottom")
-        against = a.segmented_control("Stiffness and damping of the film against", AGAINST, key="against")
+        against = a.segmented_control(
+            "Stiffness and damping of the film against", AGAINST, key="against"
+        )
         with b:
-            coefficient_downloads(design, mass, number,
-                                  f"spab design coefficients{design_option()} --rotor-mass {mass:g} --rpm "
-                                  f"{0.25 * found.speed_rpm:.0f}:{1.5 * found.speed_rpm:.0f}:26 --out bearing.xlsx")
+            coefficient_downloads(
+                design,
+                mass,
+                number,
+                f"spab design coefficients{design_option()} --rotor-mass {mass:g} --rpm "
+                f"{0.25 * found.speed_rpm:.0f}:{1.5 * found.speed_rpm:.0f}:26 --out bearing.xlsx",
+            )
         if against == AGAINST[0]:
-            figure = coefficient_figure(over_whirl(design, mass, number), "frequency", found.whirl and found.whirl.ratio)
+            figure = coefficient_figure(
+                over_whirl(design, mass, number), "frequency", found.whirl and found.whirl.ratio
+            )
         else:
             with st.spinner("Linearising at 26 speeds …"), errors_in_words():
-                figure = coefficient_figure(over_speed(design, mass, number, LEAST_STABLE), "speed", found.speed_rpm)
+                figure = coefficient_figure(
+                    over_speed(design, mass, number, LEAST_STABLE), "speed", found.speed_rpm
+                )
         st.plotly_chart(figure, key="coefficients", width="stretch")
-        st.caption("Dotted, if in range: the rotor's least stable whirl. 1: synchronous." if against == AGAINST[0]
-                   else "Dotted: this speed. Each at the rotor's least stable whirl: these give the right limit of stability.")
-        st.dataframe(rows(found), column_config={
-            "_index": st.column_config.Column("N/m, N s/m", width=98),
-            **{name: st.column_config.NumberColumn(name, format="%.2e", width=66) for name in NAMES}})
-    st.caption(f"The same on the command line: `spab design show{design_option()} {point_options()}`")
+        st.caption(
+            "Dotted, if in range: the rotor's least stable whirl. 1: synchronous."
+            if against == AGAINST[0]
+            else "Dotted: this speed. Each at the rotor's least stable whirl: these give the "
+            "right limit of stability."
+        )
+        st.dataframe(
+            rows(found),
+            column_config={
+                "_index": st.column_config.Column("N/m, N s/m", width=98),
+                **{
+                    name: st.column_config.NumberColumn(name, format="%.2e", width=66)
+                    for name in NAMES
+                },
+            },
+        )
+    st.caption(
+        f"The same on the command line: `spab design show{design_option()} {point_options()}`"
+    )

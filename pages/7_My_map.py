@@ -1,4 +1,6 @@
-"""My map: the plane of one's own bearing, solved where it matters within minutes, predicted elsewhere; margin and report."""
+"""My map: the plane of one's own bearing, solved where it matters within minutes, predicted
+elsewhere; margin and report.
+"""
 
 import streamlit as st
 
@@ -12,26 +14,62 @@ from spab_core.ui.downloads import downloads
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.own_report import report_page
 from spab_core.ui.shared import errors_in_words, page_head
-from spab_core.ui.view import OWN_LAYERS, OWN_MINUTES, chosen_design, design_option, design_words, set_point, show_usual
+from spab_core.ui.view import (
+    OWN_LAYERS,
+    OWN_MINUTES,
+    chosen_design,
+    design_option,
+    design_words,
+    set_point,
+    show_usual,
+)
 
 page_head("my map")
 design, state = chosen_design(), st.session_state
 st.markdown(f"#### Map of my bearing: {design_words()}")
 usual = usual_plane(design)
 row = st.container(horizontal=True, vertical_alignment="bottom")
-number = row.text_input("Bearing numbers Λ, start:stop:count", **show_usual("own_numbers", usual[0]), width=230, max_chars=60)
-mass = row.text_input("Rotor masses in kg, start:stop:count", **show_usual("own_masses", usual[1]), width=230, max_chars=60)
-minutes = row.number_input("Minutes", *OWN_MINUTES, None, 0.5, key="own_minutes", width=110,
-                           help="Wall time of the computation; more minutes solve more cells near the borders")
+number = row.text_input(
+    "Bearing numbers Λ, start:stop:count",
+    **show_usual("own_numbers", usual[0]),
+    width=230,
+    max_chars=60,
+)
+mass = row.text_input(
+    "Rotor masses in kg, start:stop:count",
+    **show_usual("own_masses", usual[1]),
+    width=230,
+    max_chars=60,
+)
+minutes = row.number_input(
+    "Minutes",
+    *OWN_MINUTES,
+    None,
+    0.5,
+    key="own_minutes",
+    width=110,
+    help="Wall time of the computation; more minutes solve more cells near the borders",
+)
 with row.popover("Cluster", icon=":material/lan:"):
-    cluster = st.text_input("Dask scheduler", key="own_dask", placeholder="tcp://host:8786", max_chars=200,
-                            help="Solve on a cluster of yours instead of this machine (docs/scaling.md). Its answers are code "
-                                 "to this server: give only an address that you trust")
+    cluster = st.text_input(
+        "Dask scheduler",
+        key="own_dask",
+        placeholder="tcp://host:8786",
+        max_chars=200,
+        help="Solve on a cluster of yours instead of this machine (docs/scaling.md). Its answers "
+        "are code "
+        "to this server: give only an address that you trust",
+    )
 layer = row.segmented_control("Layer", OWN_LAYERS, key="own_layer", required=True)
 with errors_in_words():
     check_quick_map(number, mass, 60.0 * minutes)
-    parameters = {"design": design.to_dict(), "bearing_number": number, "rotor_mass": mass, "seconds": 60.0 * minutes,
-                  "dask": check_cluster(cluster)}
+    parameters = {
+        "design": design.to_dict(),
+        "bearing_number": number,
+        "rotor_mass": mass,
+        "seconds": 60.0 * minutes,
+        "dask": check_cluster(cluster),
+    }
 
 
 def _clicked(number, mass):
@@ -50,11 +88,24 @@ def _plane() -> None:
     with errors_in_words():
         found = own_map.published(own_map.map_job(parameters))
     if found is None:
-        st.info("A coarse plane comes first, within some 20 seconds; then cells are solved where regimes are in doubt. Solved "
-                "cells are dots, the colours between them are predicted. It can be stopped at any time: what is there is kept.")
+        st.info(
+            "A coarse plane comes first, within some 20 seconds; then cells are solved where "
+            "regimes are in doubt. Solved "
+            "cells are dots, the colours between them are predicted. It can be stopped at any "
+            "time: what is there is kept."
+        )
         return
-    place = mark_place("own_figure", (layer, job.id, found[0].solved.sum()), (state["bearing_number"], state["rotor_mass"]))
-    clickable(own_map.own_figure(found, layer, *place), "own_figure", _clicked, config={"displaylogo": False})
+    place = mark_place(
+        "own_figure",
+        (layer, job.id, found[0].solved.sum()),
+        (state["bearing_number"], state["rotor_mass"]),
+    )
+    clickable(
+        own_map.own_figure(found, layer, *place),
+        "own_figure",
+        _clicked,
+        config={"displaylogo": False},
+    )
 
 
 with errors_in_words():
@@ -67,37 +118,88 @@ if found:
     with right:
         at = own_map.margin_in_map(m, state["rotor_mass"], state["bearing_number"])
         a, b = st.columns(2)
-        a.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, None, key="bearing_number", step=0.05, format="%.4g")
-        b.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, None, key="rotor_mass", step=0.1, format="%.4g")
+        a.number_input(
+            "Bearing number Λ",
+            *BEARING_NUMBER_RANGE,
+            None,
+            key="bearing_number",
+            step=0.05,
+            format="%.4g",
+        )
+        b.number_input(
+            "Rotor mass, kg", *ROTOR_MASS_RANGE, None, key="rotor_mass", step=0.1, format="%.4g"
+        )
         if at is None:
             st.warning("The chosen point lies outside this map.")
         else:
             (st.success if at.stable else st.error)(at.headline())
             cell = m.nearest(state["rotor_mass"], state["bearing_number"])
             if not refined.solved[cell]:
-                st.caption(f"The cell of this point is predicted, not solved: probability of instability "
-                           f"{100 * refined.unstable[cell]:.0f} %. Solving the point settles it.")
+                st.caption(
+                    f"The cell of this point is predicted, not solved: probability of instability "
+                    f"{100 * refined.unstable[cell]:.0f} %. Solving the point settles it."
+                )
             st.markdown("\n".join(f"- {text}" for text in at.sentences()))
         share = own_map.shares(found)
         cells = st.columns(4)
-        cells[0].metric("Solved cells", f"{int(refined.solved.sum()):,}", help=f"Of {refined.batch.size:,}; the rest predicted")
+        cells[0].metric(
+            "Solved cells",
+            f"{int(refined.solved.sum()):,}",
+            help=f"Of {refined.batch.size:,}; the rest predicted",
+        )
         for cell, name in zip(cells[1:], ("periodic", "quasi-periodic", "chaotic"), strict=True):
-            cell.metric(name.capitalize(), f"{100 * share.get(name, 0.0):.1f} %", help="Of the plane, predicted cells included")
+            cell.metric(
+                name.capitalize(),
+                f"{100 * share.get(name, 0.0):.1f} %",
+                help="Of the plane, predicted cells included",
+            )
         actions = st.container(horizontal=True)
         if actions.button("Solve this point", key="own_point", icon=":material/adjust:"):
             st.switch_page("pages/1_Operating_point.py")
         with actions:
-            downloads("my_map", {"Map": own_map.own_figure(found, layer, state["bearing_number"], state["rotor_mass"])},
-                      {"Cells": lambda: map_table(m)}, {"npz": job.result.read_bytes},
-                      own_map.map_command(design_option(), number, mass, minutes))
+            downloads(
+                "my_map",
+                {
+                    "Map": own_map.own_figure(
+                        found, layer, state["bearing_number"], state["rotor_mass"]
+                    )
+                },
+                {"Cells": lambda: map_table(m)},
+                {"npz": job.result.read_bytes},
+                own_map.map_command(design_option(), number, mass, minutes),
+            )
             with st.popover("Report", icon=":material/description:"), errors_in_words():
-                page = report_page(design, found, at, state["rotor_mass"], state["bearing_number"], number, mass, minutes)
+                page = report_page(
+                    design,
+                    found,
+                    at,
+                    state["rotor_mass"],
+                    state["bearing_number"],
+                    number,
+                    mass,
+                    minutes,
+                )
                 if page:
-                    st.download_button("Report, HTML", lambda: report_html(*page()).encode(), "report.html", "text/html",
-                                       key="report_html", on_click="ignore", width="stretch")
-                    st.download_button("Report, PDF", lambda: report_pdf(report_html(*page())), "report.pdf",
-                                       "application/pdf", key="report_pdf", on_click="ignore", width="stretch",
-                                       disabled=browser_path() is None, help="Printed by Chromium or Chrome on the server")
+                    st.download_button(
+                        "Report, HTML",
+                        lambda: report_html(*page()).encode(),
+                        "report.html",
+                        "text/html",
+                        key="report_html",
+                        on_click="ignore",
+                        width="stretch",
+                    )
+                    st.download_button(
+                        "Report, PDF",
+                        lambda: report_pdf(report_html(*page())),
+                        "report.pdf",
+                        "application/pdf",
+                        key="report_pdf",
+                        on_click="ignore",
+                        width="stretch",
+                        disabled=browser_path() is None,
+                        help="Printed by Chromium or Chrome on the server",
+                    )
 
 saved = [j for j in own_map.finished_maps() if job is None or j.id != job.id]
 if found and saved:
@@ -107,7 +209,15 @@ if found and saved:
         for box, which, title in ((one, job, "this map"), (two, other, own_map.job_words(other))):
             with box, errors_in_words():
                 st.caption(title)
-                st.plotly_chart(own_map.own_figure(own_map.published(which), layer, state["bearing_number"],
-                                                   state["rotor_mass"]), key=f"compared_{which.id}", width="stretch")
+                st.plotly_chart(
+                    own_map.own_figure(
+                        own_map.published(which),
+                        layer,
+                        state["bearing_number"],
+                        state["rotor_mass"],
+                    ),
+                    key=f"compared_{which.id}",
+                    width="stretch",
+                )
 with st.expander("Jobs kept on this machine"), errors_in_words():
     own_map.jobs_table()

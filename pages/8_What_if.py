@@ -15,63 +15,143 @@ from spab_core.ui.jobs import job_panel
 from spab_core.ui.lines import line_command, line_of_job
 from spab_core.ui.shared import digits, errors_in_words, page_head
 from spab_core.ui.solving import live_point
-from spab_core.ui.view import SCANS, SPEEDS, WHAT_TABS, chosen_design, design_option, design_words, show_usual
+from spab_core.ui.view import (
+    SCANS,
+    SPEEDS,
+    WHAT_TABS,
+    chosen_design,
+    design_option,
+    design_words,
+    show_usual,
+)
 
 page_head("what if")
 design, state = chosen_design(), st.session_state
 st.markdown(f"#### What if: {design_words()}")
 row = st.container(horizontal=True, vertical_alignment="bottom")
-number = row.number_input("Bearing number Λ", *BEARING_NUMBER_RANGE, None, key="bearing_number", step=0.05, format="%.3f",
-                          width=160, help="Of the chosen point, the same on every page")
-mass = row.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, None, key="rotor_mass", step=0.1, format="%.3f", width=160,
-                        help="Of the chosen point, on one bearing")
+number = row.number_input(
+    "Bearing number Λ",
+    *BEARING_NUMBER_RANGE,
+    None,
+    key="bearing_number",
+    step=0.05,
+    format="%.3f",
+    width=160,
+    help="Of the chosen point, the same on every page",
+)
+mass = row.number_input(
+    "Rotor mass, kg",
+    *ROTOR_MASS_RANGE,
+    None,
+    key="rotor_mass",
+    step=0.1,
+    format="%.3f",
+    width=160,
+    help="Of the chosen point, on one bearing",
+)
 rpm = design.speed_rpm(number)
-row.markdown(f"at **{rpm:,.0f} rpm**: the machine keeps its mass and speed when its bearing changes")
+row.markdown(
+    f"at **{rpm:,.0f} rpm**: the machine keeps its mass and speed when its bearing changes"
+)
 drawing, run_up, two = st.tabs(WHAT_TABS, key="what_tab", on_change="rerun")
 
 
 def change_the_drawing() -> None:
     row = st.container(horizontal=True, vertical_alignment="bottom")
     axis = row.segmented_control("Margin in", AXES, key="what_axis", required=True)
-    step = row.number_input("Change of each value, %", 100 * STEPS[0], 100 * STEPS[1], None, 1.0, key="what_step", width=200)
-    scan = row.number_input("Points sought to each side", *SCANS, None, key="what_scan", width=200,
-                            help="From half to twice the operating point; a band narrower than their distance can be missed")
+    step = row.number_input(
+        "Change of each value, %",
+        100 * STEPS[0],
+        100 * STEPS[1],
+        None,
+        1.0,
+        key="what_step",
+        width=200,
+    )
+    scan = row.number_input(
+        "Points sought to each side",
+        *SCANS,
+        None,
+        key="what_scan",
+        width=200,
+        help="From half to twice the operating point; a band narrower than their distance can be "
+        "missed",
+    )
     with errors_in_words():
-        asked = {"design": design.to_dict(), "rotor_mass": mass, "speed_rpm": rpm, "axis": axis, "step": step / 100.0,
-                 "scan": int(scan)}
-        job = job_panel("sensitivity", asked, "Compute the sensitivity (up to a minute)", "what_job")
+        asked = {
+            "design": design.to_dict(),
+            "rotor_mass": mass,
+            "speed_rpm": rpm,
+            "axis": axis,
+            "step": step / 100.0,
+            "scan": int(scan),
+        }
+        job = job_panel(
+            "sensitivity", asked, "Compute the sensitivity (up to a minute)", "what_job"
+        )
         if job:
             base, table = load_sensitivity(job.result)
             unit = "rpm" if axis == "speed" else "kg"
-            sides = [f"{word} {digits(value)} {unit}" for word, value in (("down to", base.below), ("up to", base.above))
-                     if value == value]
+            sides = [
+                f"{word} {digits(value)} {unit}"
+                for word, value in (("down to", base.below), ("up to", base.above))
+                if value == value
+            ]
             where = f"{'Stable' if base.stable else 'Unstable'} at {digits(base.at)} {unit}"
             sought = f"from {digits(base.low)} to {digits(base.high)} {unit}."
             (st.success if base.stable else st.error)(
-                f"{where}, {' and '.join(sides)}; sought {sought}" if sides else f"{where} and everywhere {sought}")
+                f"{where}, {' and '.join(sides)}; sought {sought}"
+                if sides
+                else f"{where} and everywhere {sought}"
+            )
             figure = tornado_figure(base, table)
             st.plotly_chart(figure, key="tornado", width="stretch")
-            shown = table.assign(factor=100.0 * (table["factor"] - 1.0), distance=100.0 * table["distance"],
-                                 change=100.0 * table["change"])
-            st.dataframe(shown, hide_index=True, column_config={
-                "factor": st.column_config.NumberColumn("change, %", format="%+.0f"), "stable": "stable here",
-                "below": st.column_config.NumberColumn(f"border below, {unit}", format="%.4g"),
-                "above": st.column_config.NumberColumn(f"border above, {unit}", format="%.4g"),
-                "distance": st.column_config.NumberColumn("margin, %", format="%.1f"),
-                "change": st.column_config.NumberColumn("its change, %", format="%+.1f")})
+            shown = table.assign(
+                factor=100.0 * (table["factor"] - 1.0),
+                distance=100.0 * table["distance"],
+                change=100.0 * table["change"],
+            )
+            st.dataframe(
+                shown,
+                hide_index=True,
+                column_config={
+                    "factor": st.column_config.NumberColumn("change, %", format="%+.0f"),
+                    "stable": "stable here",
+                    "below": st.column_config.NumberColumn(f"border below, {unit}", format="%.4g"),
+                    "above": st.column_config.NumberColumn(f"border above, {unit}", format="%.4g"),
+                    "distance": st.column_config.NumberColumn("margin, %", format="%.1f"),
+                    "change": st.column_config.NumberColumn("its change, %", format="%+.1f"),
+                },
+            )
             downloads("what_if", {"Tornado": figure}, {"Sensitivity": lambda: table})
+
 
 def run_the_machine_up() -> None:
     row = st.container(horizontal=True, vertical_alignment="bottom")
     low, high = (design.speed_rpm(limit) for limit in BEARING_NUMBER_RANGE)
-    first, last = (row.number_input(f"{name}, rpm", low, high, None, **show_usual(key, usual, (low, high)), format="%.0f",
-                                    width=160)
-                   for name, key, usual in (("From", "run_from", 0.05 * rpm), ("To", "run_to", 1.5 * rpm)))
+    first, last = (
+        row.number_input(
+            f"{name}, rpm",
+            low,
+            high,
+            None,
+            **show_usual(key, usual, (low, high)),
+            format="%.0f",
+            width=160,
+        )
+        for name, key, usual in (("From", "run_from", 0.05 * rpm), ("To", "run_to", 1.5 * rpm))
+    )
     count = row.number_input("Speeds", *SPEEDS, None, key="run_count", width=160)
     with errors_in_words():
         start, stop = first / design.speed_rpm(1.0), last / design.speed_rpm(1.0)
-        asked = {"design": design.to_dict(), "vary": "bearing-number", "at": mass, "range": f"{start!r}:{stop!r}:{int(count)}",
-                 "sweeps": ["up"], "settings": {"transient": 200, "revolutions": 200}}
+        asked = {
+            "design": design.to_dict(),
+            "vary": "bearing-number",
+            "at": mass,
+            "range": f"{start!r}:{stop!r}:{int(count)}",
+            "sweeps": ["up"],
+            "settings": {"transient": 200, "revolutions": 200},
+        }
         job = job_panel("bifurcation", asked, "Compute the run-up", "run_job")
         if job:
             line = line_of_job(job)
@@ -80,22 +160,45 @@ def run_the_machine_up() -> None:
             figure = run_up_figure(speeds, branch.mle, branch.contact_share, found)
             st.plotly_chart(figure, key="run_up", width="stretch")
             left, right = st.columns([1, 1])
-            left.dataframe(found, hide_index=True, column_config={
-                k: st.column_config.NumberColumn(f"{k}, rpm", format="%,.0f") for k in ("start", "stop")})
+            left.dataframe(
+                found,
+                hide_index=True,
+                column_config={
+                    k: st.column_config.NumberColumn(f"{k}, rpm", format="%,.0f")
+                    for k in ("start", "stop")
+                },
+            )
             with right:
-                st.caption("Each speed from where the one before ended, settled there: slow compared with the rotor's own "
-                           "motion. A fast run-up crosses narrow bands before they build up.")
-                downloads("run_up", {"Run-up": figure}, {"Regimes": lambda: found}, {"npz": job.result.read_bytes},
-                          line_command(line, ["up"], design_option()))
+                st.caption(
+                    "Each speed from where the one before ended, settled there: slow compared "
+                    "with the rotor's own "
+                    "motion. A fast run-up crosses narrow bands before they build up."
+                )
+                downloads(
+                    "run_up",
+                    {"Run-up": figure},
+                    {"Regimes": lambda: found},
+                    {"npz": job.result.read_bytes},
+                    line_command(line, ["up"], design_option()),
+                )
+
 
 def two_designs() -> None:
     row = st.container(horizontal=True, vertical_alignment="bottom")
-    name = row.selectbox("Compare with", list(PRESETS), key="two_preset", width=260,
-                         format_func=lambda k: PRESETS[k].label)
+    name = row.selectbox(
+        "Compare with",
+        list(PRESETS),
+        key="two_preset",
+        width=260,
+        format_func=lambda k: PRESETS[k].label,
+    )
     file = row.file_uploader("or a design file (TOML)", "toml", key="two_file", width=420)
     with errors_in_words():
         other = read_design_bytes(file.getvalue(), file.name) if file else PRESETS[name].design
-        sides = (("This design", design), (f"Other: {file.name if file else PRESETS[name].label}", other))
+        sides = (
+            ("This design", design),
+            (f"Other: {file.name if file else PRESETS[name].label}", other),
+        )
         records = {}
         for box, (title, one) in zip(st.columns(2, gap="medium"), sides, strict=True):
             at = one.bearing_number(design.speed(number))
@@ -104,16 +207,31 @@ def two_designs() -> None:
                 point = live_point(one, mass, at)
                 if point is None:
                     continue
-                (st.success if point.regime and point.regime.name == "periodic" else st.error)(point.verdict())
+                (st.success if point.regime and point.regime.name == "periodic" else st.error)(
+                    point.verdict()
+                )
                 st.plotly_chart(orbit_figure(point), key=f"two_{len(records)}", width="stretch")
-                numbers = {name: value for name, value in derive(one, mass, at).record().items() if isinstance(value, float)}
-                records[title] = {"MLE per revolution": point.mle.value if point.mle else None,
-                                  "largest eccentricity": point.max_eccentricity, **numbers}
+                numbers = {
+                    name: value
+                    for name, value in derive(one, mass, at).record().items()
+                    if isinstance(value, float)
+                }
+                records[title] = {
+                    "MLE per revolution": point.mle.value if point.mle else None,
+                    "largest eccentricity": point.max_eccentricity,
+                    **numbers,
+                }
         if records:
-            st.dataframe(pd.DataFrame(records).map(lambda value: f"{value:.5g}" if value == value else ""))
+            st.dataframe(
+                pd.DataFrame(records).map(lambda value: f"{value:.5g}" if value == value else "")
+            )
 
 
-for tab, content in ((drawing, change_the_drawing), (run_up, run_the_machine_up), (two, two_designs)):
+for tab, content in (
+    (drawing, change_the_drawing),
+    (run_up, run_the_machine_up),
+    (two, two_designs),
+):
     if tab.open:
         with tab:
             content()

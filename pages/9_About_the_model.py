@@ -8,24 +8,46 @@ from spab_core.ui.documents import read_sections, show_sections
 from spab_core.ui.downloads import downloads
 from spab_core.ui.shared import errors_in_words, page_head
 
-AUDIT, CHECKED, DIFFERS = "Audit of the map", "Values to check against", "Where we differ from the paper"
+AUDIT, CHECKED, DIFFERS = (
+    "Audit of the map",
+    "Values to check against",
+    "Where we differ from the paper",
+)
 
 page_head("about the model")
 head, button = st.columns([5, 1], vertical_alignment="center")
 head.markdown("#### About the model")
 with errors_in_words():
-    model, numerics, results = (read_sections(name, wanted) for name, wanted in (
-        ("model.md", (CHECKED, DIFFERS)), ("numerics.md", ()), ("results.md", (AUDIT,))))
+    model, numerics, results = (
+        read_sections(name, wanted)
+        for name, wanted in (
+            ("model.md", (CHECKED, DIFFERS)),
+            ("numerics.md", ()),
+            ("results.md", (AUDIT,)),
+        )
+    )
     audited = load_audit()
 
 with button:
-    downloads("about", {"Audit": lambda: audit_figure(audited)}, {"Audited cells": audited.copy},
-              command="python benchmarks/audit_map.py")
+    downloads(
+        "about",
+        {"Audit": lambda: audit_figure(audited)},
+        {"Audited cells": audited.copy},
+        command="python benchmarks/audit_map.py",
+    )
 
 equations, validation, found, differs = st.tabs(
-    ["Equations and assumptions", "Numerics and validation", "Results", "Where it differs from the paper"])
+    [
+        "Equations and assumptions",
+        "Numerics and validation",
+        "Results",
+        "Where it differs from the paper",
+    ]
+)
 with equations:
-    show_sections({heading: body for heading, body in model.items() if heading not in (CHECKED, DIFFERS)})
+    show_sections(
+        {heading: body for heading, body in model.items() if heading not in (CHECKED, DIFFERS)}
+    )
 with validation:
     show_sections({AUDIT: results.pop(AUDIT)})
     st.plotly_chart(audit_figure(audited), key="audit", width="stretch")
@@ -33,6 +55,10 @@ with validation:
 with found:
     show_sections(results)
 with differs:
-    st.markdown("The paper is Kuo, Lee and Wang, \"A High-Precision Random Forest-Based Maximum Lyapunov Exponent Prediction "
-                "Model for Spherical Porous Gas Bearing Systems\", IEEE Access 8 (2020), doi 10.1109/ACCESS.2020.3022854.")
+    st.markdown(
+        'The paper is Kuo, Lee and Wang, "A High-Precision Random Forest-Based Maximum Lyapunov '
+        "Exponent Prediction "
+        'Model for Spherical Porous Gas Bearing Systems", IEEE Access 8 (2020), doi '
+        "10.1109/ACCESS.2020.3022854."
+    )
     show_sections({DIFFERS: model[DIFFERS]})

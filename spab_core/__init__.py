@@ -1,6 +1,8 @@
-"""Rotors on spherical porous gas bearings: what they do at a rotor mass and bearing number, and how far trouble is.
+"""Rotors on spherical porous gas bearings: what they do at a rotor mass and bearing number, and how
+far trouble is.
 
-Data flows down this table; no package imports from a later one. The docstring of each package lists its modules.
+Data flows down this table; no package imports from a later one. The docstring of each package lists
+its modules.
 
 Package          What it answers
 ---------------  -------------------------------------------------------------------------------------------------
@@ -30,7 +32,13 @@ from spab_core.common.errors import DesignError, InputError
 from spab_core.design.model import Design, load_design, reference_design, save_design
 from spab_core.linear_theory.equilibrium import concentric_stiffness, static_equilibrium
 from spab_core.linear_theory.whirl import linear_spectrum, whirl_thresholds
-from spab_core.maps.bifurcation import Bifurcation, chaotic_intervals, compute_bifurcation, load_bifurcation, save_bifurcation
+from spab_core.maps.bifurcation import (
+    Bifurcation,
+    chaotic_intervals,
+    compute_bifurcation,
+    load_bifurcation,
+    save_bifurcation,
+)
 from spab_core.maps.compute import compute_map
 from spab_core.maps.stability_map import StabilityMap, load_map, save_map
 from spab_core.trajectory.point import OperatingPoint, solve_point
@@ -38,8 +46,28 @@ from spab_core.trajectory.run import simulate
 from spab_core.trajectory.settings import Settings
 
 __all__ = [
-    "Bifurcation", "Design", "DesignError", "InputError", "OperatingPoint", "Settings", "StabilityMap", "__version__",
-    "chaotic_intervals", "compute_bifurcation", "compute_map", "concentric_stiffness", "linear_spectrum", "load_bifurcation",
-    "load_design", "load_map", "reference_design", "save_bifurcation", "save_design", "save_map", "simulate", "solve_point",
-    "static_equilibrium", "whirl_thresholds",
+    "Bifurcation",
+    "Design",
+    "DesignError",
+    "InputError",
+    "OperatingPoint",
+    "Settings",
+    "StabilityMap",
+    "__version__",
+    "chaotic_intervals",
+    "compute_bifurcation",
+    "compute_map",
+    "concentric_stiffness",
+    "linear_spectrum",
+    "load_bifurcation",
+    "load_design",
+    "load_map",
+    "reference_design",
+    "save_bifurcation",
+    "save_design",
+    "save_map",
+    "simulate",
+    "solve_point",
+    "static_equilibrium",
+    "whirl_thresholds",
 ]

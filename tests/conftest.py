@@ -1,11 +1,14 @@
-"""Shared fixtures: the kernels are compiled once per session (numba keeps them in its cache between sessions)."""
+"""Shared fixtures: the kernels are compiled once per session (numba keeps them in its cache between
+sessions).
+"""
 
 import os
 import shutil
 from pathlib import Path
 
-# the workers of pytest share the cores: threads of BLAS and OpenMP, two of each in every worker, would wait for one another, so
-# that a quarter of a second's training took twenty; before numpy reads it
+# the workers of pytest share the cores: threads of BLAS and OpenMP, two of each in every worker,
+# would wait for one another, so that a quarter of a second's training took twenty; before numpy
+# reads it
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
@@ -26,12 +29,24 @@ def pytest_configure(config):
         compile_once()
 
 
-LONG = ("browser/", "test_controls", "test_faults", "test_wheel", "test_jobs", "test_job_kinds", "test_cli_models")
+LONG = (
+    "browser/",
+    "test_controls",
+    "test_faults",
+    "test_wheel",
+    "test_jobs",
+    "test_job_kinds",
+    "test_cli_models",
+)
 
 
 def pytest_collection_modifyitems(items):
-    """Long files first: workers take files in this order, and none is left alone with one at the end."""
-    items.sort(key=lambda item: next((k for k, name in enumerate(LONG) if name in item.nodeid), len(LONG)))
+    """Long files first: workers take files in this order, and none is left alone with one at the
+    end.
+    """
+    items.sort(
+        key=lambda item: next((k for k, name in enumerate(LONG) if name in item.nodeid), len(LONG))
+    )
 
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -54,7 +69,11 @@ def design():
 @pytest.fixture(scope="session")
 def chromium():
     """Path of Chromium; skips with a reason where there is none, fails where CI must have one."""
-    path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    path = (
+        shutil.which("chromium")
+        or shutil.which("chromium-browser")
+        or shutil.which("google-chrome")
+    )
     if path is None:
         if os.environ.get("SPAB_REQUIRE_BROWSER"):
             pytest.fail("CI must have Chromium (see .ci/run)")
@@ -65,7 +84,16 @@ def chromium():
 class Run:
     """One trajectory under the test's control: state, system and whole-revolution stepping."""
 
-    def __init__(self, design, rotor_mass, bearing_number, mesh=SMALL, method="rodas", ramp=30.0, scheme="fitted"):
+    def __init__(
+        self,
+        design,
+        rotor_mass,
+        bearing_number,
+        mesh=SMALL,
+        method="rodas",
+        ramp=30.0,
+        scheme="fitted",
+    ):
         self.film = build_film(design, bearing_number, mesh, scheme)
         self.rotor = build_rotor(design, rotor_mass, bearing_number, ramp)
         self.system = (self.film, self.rotor)
@@ -102,6 +130,7 @@ class Run:
 def make_run(design):
     def build(rotor_mass, bearing_number, design=design, **options):
         return Run(design, rotor_mass, bearing_number, **options)
+
     return build
 
 
@@ -110,5 +139,9 @@ def fed_design(edge_latitude, supply, feeding_number, **changes):
     d = reference_design()
     b = d.bearing
     permeability = feeding_number * b.wall_thickness * b.clearance**3 / (6.0 * b.radius**2)
-    return d.replace(bearing__edge_latitude=float(edge_latitude), bearing__supply_pressure_ratio=float(supply),
-                     bearing__permeability=permeability, **changes)
+    return d.replace(
+        bearing__edge_latitude=float(edge_latitude),
+        bearing__supply_pressure_ratio=float(supply),
+        bearing__permeability=permeability,
+        **changes,
+    )

@@ -1,8 +1,8 @@
-"""What the solved cells of a plane say of all others: a committee of randomised trees, and how well it does on a solved map.
+"""What the solved cells of a plane say of all others: a committee of randomised trees, and how well
+it does on a solved map.
 
-One committee of trees learns what linear theory leaves of the exponent, one the regime. How far the first one's trees disagree
-and how the second one's votes are split says what is in doubt.
-"""
+One committee of trees learns what linear theory leaves of the exponent, one the regime. How far the
+first one's trees disagree and how the second one's votes are split says what is in doubt."""
 
 from __future__ import annotations
 
@@ -19,8 +19,11 @@ from spab_core.trajectory.regimes import REGIMES
 
 TREES = 60
 POWERS = np.arange(1.0, 3.01, 0.25)  # of the bearing number, along which the trees can cut
-LINEAR = slice(FEATURES.index("linear rate"), None)  # what linear theory adds to bearing number, rotor mass and M
-DAMPED = 0.15  # bearing number below which exponents reach -38 per revolution: errors are told without them too
+LINEAR = slice(
+    FEATURES.index("linear rate"), None
+)  # what linear theory adds to bearing number, rotor mass and M
+# bearing number below which exponents reach -38 per revolution: errors are told without them too
+DAMPED = 0.15
 LABELS = (*REGIMES, "")  # "": the run fails, no exponent
 
 
@@ -31,7 +34,8 @@ class Prediction:
     Attributes
     ----------
     mle, deviation : ndarray, (n,)
-        Mean and standard deviation over the trees, per revolution; nan where fewer than two solved cells have an exponent.
+        Mean and standard deviation over the trees, per revolution; nan where fewer than two solved
+        cells have an exponent.
     probability : ndarray, (n, 4)
         Share of the trees' votes for each of :data:`LABELS`.
     """
@@ -52,7 +56,9 @@ class Prediction:
 
     @property
     def impurity(self) -> np.ndarray:
-        """Gini impurity of the regime, (n,): the rate of wrong labels if they were drawn by their probabilities."""
+        """Gini impurity of the regime, (n,): the rate of wrong labels if they were drawn by their
+        probabilities.
+        """
         return 1.0 - (self.probability**2).sum(1)
 
 
@@ -63,8 +69,9 @@ class Inputs:
     Attributes
     ----------
     features : ndarray of float32, (n, k)
-        Bearing number and rotor mass scaled to [0, 1], ln(m Λ^p) for each p of :data:`POWERS`; decay rate, whirl frequency and
-        static eccentricity by linear theory, where its table is given.
+        Bearing number and rotor mass scaled to [0, 1], ln(m Λ^p) for each p of :data:`POWERS`;
+        decay rate, whirl frequency and static eccentricity by linear theory, where its table is
+        given.
     bearing_number : ndarray, (n,)
     baseline : ndarray, (n,)
         Exponent that the trees start from, per revolution: that of linear theory, or 0.
@@ -75,11 +82,14 @@ class Inputs:
     baseline: np.ndarray
 
 
-def plane_inputs(bearing_number: np.ndarray, rotor_mass: np.ndarray, table: LinearTable | None = None) -> Inputs:
+def plane_inputs(
+    bearing_number: np.ndarray, rotor_mass: np.ndarray, table: LinearTable | None = None
+) -> Inputs:
     """What the committee sees of the cells of a plane.
 
-    Trees cut along axes, but borders, the periodic windows within chaos and other narrow bands run along curves near which
-    m Λ^p is constant, with a p that differs from band to band; p = 2 is the dimensionless mass.
+    Trees cut along axes, but borders, the periodic windows within chaos and other narrow bands run
+    along curves near which m Λ^p is constant, with a p that differs from band to band; p = 2 is the
+    dimensionless mass.
 
     Parameters
     ----------
@@ -96,17 +106,21 @@ def plane_inputs(bearing_number: np.ndarray, rotor_mass: np.ndarray, table: Line
     if table is not None:
         theory = LinearFeatures(table).transform(np.column_stack([number, mass]))
         features, start = np.column_stack([features, theory[:, LINEAR]]), baseline(theory)
-    return Inputs(features.astype(np.float32), number, start)  # what trees compute in: converted once
+    return Inputs(
+        features.astype(np.float32), number, start
+    )  # what trees compute in: converted once
 
 
-def predict_plane(inputs: Inputs, solved: np.ndarray, mle: np.ndarray, regime: np.ndarray, seed: int = 0) -> Prediction:
+def predict_plane(
+    inputs: Inputs, solved: np.ndarray, mle: np.ndarray, regime: np.ndarray, seed: int = 0
+) -> Prediction:
     """Train the committee on the solved cells and predict all of them.
 
     Parameters
     ----------
     inputs : Inputs
-        Of all n cells. The trees learn what the baseline leaves of the MLE times the bearing number, which is nearly smooth
-        where the exponent itself is steep.
+        Of all n cells. The trees learn what the baseline leaves of the MLE times the bearing
+        number, which is nearly smooth where the exponent itself is steep.
     solved : ndarray of bool, (n,)
         The cells to learn from, at least one.
     mle : ndarray, (n,)
@@ -123,9 +137,14 @@ def predict_plane(inputs: Inputs, solved: np.ndarray, mle: np.ndarray, regime: n
     known = solved & np.isfinite(mle)
     mean, deviation = np.full(len(features), np.nan), np.full(len(features), np.nan)
     if known.sum() >= 2:
-        trees = ExtraTreesRegressor(TREES, random_state=seed).fit(features[known], ((mle - start) * number)[known])
+        trees = ExtraTreesRegressor(TREES, random_state=seed).fit(
+            features[known], ((mle - start) * number)[known]
+        )
         each = np.array([tree.predict(features) for tree in trees.estimators_], np.float32)
-        mean, deviation = start + each.mean(0, dtype=float) / number, each.std(0, dtype=float) / number
+        mean, deviation = (
+            start + each.mean(0, dtype=float) / number,
+            each.std(0, dtype=float) / number,
+        )
     votes = ExtraTreesClassifier(TREES, random_state=seed).fit(features[solved], regime[solved])
     probability = np.zeros((len(features), len(LABELS)))
     probability[:, [LABELS.index(name) for name in votes.classes_]] = votes.predict_proba(features)
@@ -146,20 +165,29 @@ def scores(m: StabilityMap, prediction: Prediction, cells: np.ndarray) -> dict[s
     Returns
     -------
     dict
-        Those of :func:`exponent_scores`, ``accuracy`` of regimes and ``chaos_f1``; nan where no cell counts.
+        Those of :func:`exponent_scores`, ``accuracy`` of regimes and ``chaos_f1``; nan where no
+        cell counts.
     """
     regimes = regime_scores(m.regime.ravel()[cells], prediction.regime[cells])
     return exponent_scores(m, prediction.mle, cells) | {
-        "accuracy": regimes["regime_accuracy"], "chaos_f1": regimes["chaos_f1"]}
+        "accuracy": regimes["regime_accuracy"],
+        "chaos_f1": regimes["chaos_f1"],
+    }
 
 
 def exponent_scores(m: StabilityMap, predicted: np.ndarray, cells: np.ndarray) -> dict[str, float]:
     """``rmse``, ``mae`` and, at bearing numbers from :data:`DAMPED` on, ``rmse_undamped``.
 
-    Per revolution, over those of ``cells`` (n,) that have an exponent; ``predicted`` (n,). nan where there are none.
-    """
+    Per revolution, over those of ``cells`` (n,) that have an exponent; ``predicted`` (n,). nan
+    where there are none."""
     truth = m.mle.ravel()
     known = cells & np.isfinite(truth)
     undamped = known & (np.repeat(m.bearing_number, len(m.rotor_mass)) >= DAMPED - 1e-9)
-    return {name: function(truth[chosen], predicted[chosen]) if chosen.any() else np.nan
-            for name, function, chosen in (("rmse", rmse, known), ("rmse_undamped", rmse, undamped), ("mae", mae, known))}
+    return {
+        name: function(truth[chosen], predicted[chosen]) if chosen.any() else np.nan
+        for name, function, chosen in (
+            ("rmse", rmse, known),
+            ("rmse_undamped", rmse, undamped),
+            ("mae", mae, known),
+        )
+    }

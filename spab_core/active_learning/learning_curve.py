@@ -1,4 +1,6 @@
-"""Is refining worth it: errors over the number of solved cells, chosen by :mod:`spab_core.active_learning.refine` and drawn at random."""
+"""Is refining worth it: errors over the number of solved cells, chosen by
+:mod:`spab_core.active_learning.refine` and drawn at random.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from spab_core.active_learning.committee import Prediction, exponent_scores, plane_inputs, predict_plane, scores
+from spab_core.active_learning.committee import (
+    Prediction,
+    exponent_scores,
+    plane_inputs,
+    predict_plane,
+    scores,
+)
 from spab_core.active_learning.oracles import map_oracle
 from spab_core.active_learning.refine import START, refine
 from spab_core.common.errors import InputError
@@ -25,13 +33,29 @@ SLOW = ("svr", "mlp")  # worse than any other model by far, and the SVR takes ha
 COMMITTEE = "committee"
 CHAOTIC_MLE = 0.01  # smallest exponent called chaotic, as in spab_core.trajectory.regimes
 LEARNING_CURVE = HOME / "docs" / "learning_curve.csv"
-COLUMNS = ("strategy", "model", "judged", "divisor", "solved", "seed", "rmse", "rmse_undamped", "mae", "accuracy", "chaos_f1")
+COLUMNS = (
+    "strategy",
+    "model",
+    "judged",
+    "divisor",
+    "solved",
+    "seed",
+    "rmse",
+    "rmse_undamped",
+    "mae",
+    "accuracy",
+    "chaos_f1",
+)
 METRICS = COLUMNS[6:]
 GOAL = (16, 4)  # refined n/16 against random n/4
 
 
-def learning_curve(m: StabilityMap, seeds: Sequence[int] = SEEDS, models: Sequence[str] | None = None,
-                   progress: Callable[[int], None] | None = None) -> pd.DataFrame:
+def learning_curve(
+    m: StabilityMap,
+    seeds: Sequence[int] = SEEDS,
+    models: Sequence[str] | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> pd.DataFrame:
     """Errors of refining and of random draws of the same numbers of cells.
 
     Parameters
@@ -47,10 +71,12 @@ def learning_curve(m: StabilityMap, seeds: Sequence[int] = SEEDS, models: Sequen
     Returns
     -------
     DataFrame
-        One row a prediction, columns :data:`COLUMNS`. ``strategy``: ``refine`` or ``random``. ``model``: ``committee``, the
-        trees of :func:`spab_core.active_learning.committee.predict_plane`, or a name of ``MODELS`` (random draws of n/4 only; chaos is where it
-        predicts an exponent over :data:`CHAOTIC_MLE`). ``judged``: ``unsolved``, on all cells not solved, which are not the
-        same cells for both; or ``withheld``, on a random fifth of the cells that neither may solve.
+        One row a prediction, columns :data:`COLUMNS`. ``strategy``: ``refine`` or ``random``.
+        ``model``: ``committee``, the trees of
+        :func:`spab_core.active_learning.committee.predict_plane`, or a name of ``MODELS`` (random
+        draws of n/4 only; chaos is where it predicts an exponent over :data:`CHAOTIC_MLE`).
+        ``judged``: ``unsolved``, on all cells not solved, which are not the same cells for both; or
+        ``withheld``, on a random fifth of the cells that neither may solve.
 
     Raises
     ------
@@ -58,7 +84,10 @@ def learning_curve(m: StabilityMap, seeds: Sequence[int] = SEEDS, models: Sequen
         For a map with too few cells.
     """
     if m.mle.size < 16 * START:
-        raise InputError(f"a map of {m.mle.size} cells is too small for a learning curve: at least {16 * START} are needed")
+        raise InputError(
+            f"a map of {m.mle.size} cells is too small for a learning curve: at least "
+            f"{16 * START} are needed"
+        )
     names = [name for name in MODELS if name not in SLOW] if models is None else list(models)
     rows = []
     for seed in seeds:
@@ -74,75 +103,143 @@ def _one_seed(m: StabilityMap, seed: int, names: Sequence[str]) -> Iterator[tupl
     rng = np.random.default_rng([seed, 2])
     order = rng.permutation(count)
     withheld = np.zeros(count, bool)
-    withheld[rng.permutation(count)[:count // WITHHELD]] = True
+    withheld[rng.permutation(count)[: count // WITHHELD]] = True
     table = linear_table_of(m)
     inputs = plane_inputs(m.bearing_number, m.rotor_mass, table)
-    for judged, allowed, divisors in (("unsolved", np.ones(count, bool), DIVISORS),
-                                      ("withheld", ~withheld, WITHHELD_DIVISORS)):
+    for judged, allowed, divisors in (
+        ("unsolved", np.ones(count, bool), DIVISORS),
+        ("withheld", ~withheld, WITHHELD_DIVISORS),
+    ):
         found: dict[int, dict] = {}
 
         def watch(solved: np.ndarray, prediction: Prediction, judged=judged, found=found) -> None:
-            found[int(solved.sum())] = scores(m, prediction, withheld if judged == "withheld" else ~solved)
+            found[int(solved.sum())] = scores(
+                m, prediction, withheld if judged == "withheld" else ~solved
+            )
 
-        refine(m.bearing_number, m.rotor_mass, map_oracle(m), sizes[divisors[-1]], seed, allowed=allowed.reshape(m.shape),
-               table=table, watch=watch)
+        refine(
+            m.bearing_number,
+            m.rotor_mass,
+            map_oracle(m),
+            sizes[divisors[-1]],
+            seed,
+            allowed=allowed.reshape(m.shape),
+            table=table,
+            watch=watch,
+        )
         for divisor in divisors:
-            yield ("refine", COMMITTEE, judged, divisor, sizes[divisor], seed, *found[sizes[divisor]].values())
+            yield (
+                "refine",
+                COMMITTEE,
+                judged,
+                divisor,
+                sizes[divisor],
+                seed,
+                *found[sizes[divisor]].values(),
+            )
         drawn = order[allowed[order]]
         for divisor in DIVISORS:
             solved = np.zeros(count, bool)
-            solved[drawn[:sizes[divisor]]] = True
+            solved[drawn[: sizes[divisor]]] = True
             cells = withheld if judged == "withheld" else ~solved
             prediction = predict_plane(inputs, solved, m.mle.ravel(), m.regime.ravel(), seed)
-            yield ("random", COMMITTEE, judged, divisor, sizes[divisor], seed, *scores(m, prediction, cells).values())
+            yield (
+                "random",
+                COMMITTEE,
+                judged,
+                divisor,
+                sizes[divisor],
+                seed,
+                *scores(m, prediction, cells).values(),
+            )
         for name in names:  # on the last draw, the largest
-            yield ("random", name, judged, divisor, sizes[divisor], seed, *_model_scores(m, name, solved, cells, seed))
+            yield (
+                "random",
+                name,
+                judged,
+                divisor,
+                sizes[divisor],
+                seed,
+                *_model_scores(m, name, solved, cells, seed),
+            )
 
 
-def _model_scores(m: StabilityMap, name: str, solved: np.ndarray, cells: np.ndarray, seed: int) -> tuple:
-    number, mass = np.repeat(m.bearing_number, len(m.rotor_mass)), np.tile(m.rotor_mass, len(m.bearing_number))
+def _model_scores(
+    m: StabilityMap, name: str, solved: np.ndarray, cells: np.ndarray, seed: int
+) -> tuple:
+    number, mass = (
+        np.repeat(m.bearing_number, len(m.rotor_mass)),
+        np.tile(m.rotor_mass, len(m.bearing_number)),
+    )
     known = solved & np.isfinite(m.mle.ravel())
-    surrogate = train(MODELS[name], np.column_stack([number, mass])[known], m.mle.ravel()[known], seed)
+    surrogate = train(
+        MODELS[name], np.column_stack([number, mass])[known], m.mle.ravel()[known], seed
+    )
     predicted = surrogate.predict(number, mass)
-    return (*exponent_scores(m, predicted, cells).values(), np.nan,  # exponents alone do not tell periodic from quasi-periodic
-            f1(m.regime.ravel()[cells] == "chaotic", predicted[cells] > CHAOTIC_MLE))
+    return (
+        *exponent_scores(m, predicted, cells).values(),
+        np.nan,  # exponents alone do not tell periodic from quasi-periodic
+        f1(m.regime.ravel()[cells] == "chaotic", predicted[cells] > CHAOTIC_MLE),
+    )
 
 
 def load_learning_curve(path: Path = LEARNING_CURVE) -> pd.DataFrame:
-    """The rows that ``python benchmarks/learning_curve.py`` wrote. Raises :class:`InputError` where they cannot be read."""
+    """The rows that ``python benchmarks/learning_curve.py`` wrote.
+
+    Raises :class:`InputError` where they cannot be read.
+    """
     try:
         rows = pd.read_csv(path)
-        if rows.empty or tuple(rows.columns) != COLUMNS or not set(rows["strategy"]) <= {"refine", "random"}:
+        if (
+            rows.empty
+            or tuple(rows.columns) != COLUMNS
+            or not set(rows["strategy"]) <= {"refine", "random"}
+        ):
             raise ValueError("its columns are others")
-        rows = rows.astype({"divisor": int, "solved": int, "seed": int, "rmse": float, "chaos_f1": float})
+        rows = rows.astype(
+            {"divisor": int, "solved": int, "seed": int, "rmse": float, "chaos_f1": float}
+        )
     except (OSError, ValueError) as error:
-        raise InputError(f"cannot read the learning curve {path} ({error}): `python benchmarks/learning_curve.py` writes it "
-                         "again") from None
+        raise InputError(
+            f"cannot read the learning curve {path} ({error}): `python "
+            "benchmarks/learning_curve.py` writes it "
+            "again"
+        ) from None
     return rows
 
 
 def summary(rows: pd.DataFrame, judged: str = "unsolved") -> pd.DataFrame:
-    """Mean and standard deviation (n - 1) over the seeds of each metric, indexed by strategy, model and divisor."""
+    """Mean and standard deviation (n - 1) over the seeds of each metric, indexed by strategy, model
+    and divisor.
+    """
     chosen = rows[rows["judged"] == judged]
     grouped = chosen.groupby(["strategy", "model", "divisor"], sort=False)[list(METRICS)]
     return grouped.agg(["mean", "std"])
 
 
 def goal(rows: pd.DataFrame, judged: str = "unsolved") -> pd.DataFrame:
-    """The goal of refining: n/16 refined at least as good as n/4 drawn at random, by ``rmse`` and ``chaos_f1``.
+    """The goal of refining: n/16 refined at least as good as n/4 drawn at random, by ``rmse`` and
+    ``chaos_f1``.
 
     Returns
     -------
     DataFrame
-        Rows ``rmse``, ``rmse_undamped`` and ``chaos_f1``; columns ``refined``, ``random`` (the same committee), ``best`` (the
-        best of all models on the random cells) and ``best_model``: means over the seeds; ``met`` against the same committee,
-        ``met_best`` against the best.
+        Rows ``rmse``, ``rmse_undamped`` and ``chaos_f1``; columns ``refined``, ``random`` (the same
+        committee), ``best`` (the best of all models on the random cells) and ``best_model``: means
+        over the seeds; ``met`` against the same committee, ``met_best`` against the best.
     """
     means = summary(rows, judged).xs("mean", axis=1, level=1)
-    refined, at_random = means.loc[("refine", COMMITTEE, GOAL[0])], means.loc["random"].xs(GOAL[1], level="divisor")
+    refined, at_random = (
+        means.loc[("refine", COMMITTEE, GOAL[0])],
+        means.loc["random"].xs(GOAL[1], level="divisor"),
+    )
     found = {}
     for metric, sign in (("rmse", 1.0), ("rmse_undamped", 1.0), ("chaos_f1", -1.0)):
         best = (sign * at_random[metric]).idxmin()
         values = (refined[metric], at_random.loc[COMMITTEE, metric], at_random.loc[best, metric])
         found[metric] = [*values, best, *(bool(sign * values[0] <= sign * v) for v in values[1:])]
-    return pd.DataFrame.from_dict(found, orient="index", columns=["refined", "random", "best", "best_model", "met", "met_best"])
+    return pd.DataFrame.from_dict(
+        found,
+        orient="index",
+        columns=["refined", "random", "best", "best_model", "met", "met_best"],
+    )

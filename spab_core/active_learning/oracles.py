@@ -1,4 +1,6 @@
-"""Where :func:`spab_core.active_learning.refine.refine` gets the values of the cells it picks: out of a solved map, or solved live."""
+"""Where :func:`spab_core.active_learning.refine.refine` gets the values of the cells it picks: out
+of a solved map, or solved live.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ from spab_core.trajectory.settings import Settings
 
 CHUNK = 5  # cells solved between two checkpoints
 
-Oracle = Callable[[np.ndarray], dict[str, np.ndarray]]  # flat indices (k,) -> values (k,) by the names of FIELDS
+Oracle = Callable[
+    [np.ndarray], dict[str, np.ndarray]
+]  # flat indices (k,) -> values (k,) by the names of FIELDS
 
 
 def unsolved_values(dtype, shape) -> np.ndarray:
@@ -36,10 +40,20 @@ def map_oracle(m: StabilityMap) -> Oracle:
 
 
 @contextlib.contextmanager
-def live_oracle(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray, settings: Settings, *, parts: Path,
-                plan: dict, workers: int = 1, cluster: str | None = None,
-                progress: Callable[[int], None] | None = None) -> Iterator[Oracle]:
-    """Solves cells live, each from its own cold start, and keeps them in ``parts``: a run that was killed goes on from them.
+def live_oracle(
+    design: Design,
+    bearing_number: np.ndarray,
+    rotor_mass: np.ndarray,
+    settings: Settings,
+    *,
+    parts: Path,
+    plan: dict,
+    workers: int = 1,
+    cluster: str | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Iterator[Oracle]:
+    """Solves cells live, each from its own cold start, and keeps them in ``parts``: a run that was
+    killed goes on from them.
 
     Parameters
     ----------
@@ -67,10 +81,22 @@ def live_oracle(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarr
     """
     bearing_number, rotor_mass = np.asarray(bearing_number, float), np.asarray(rotor_mass, float)
     count = check_plane(bearing_number, rotor_mass)
-    run_hash = open_run(parts, design, bearing_number, rotor_mass, settings, **{f"refine_{k}": v for k, v in plan.items()})
-    number, mass = np.repeat(bearing_number, len(rotor_mass)), np.tile(rotor_mass, len(bearing_number))
+    run_hash = open_run(
+        parts,
+        design,
+        bearing_number,
+        rotor_mass,
+        settings,
+        **{f"refine_{k}": v for k, v in plan.items()},
+    )
+    number, mass = (
+        np.repeat(bearing_number, len(rotor_mass)),
+        np.tile(rotor_mass, len(bearing_number)),
+    )
     if cluster is not None:
-        with cluster_or_processes(workers, cluster):  # an address where nobody answers is told before anything is solved
+        with cluster_or_processes(
+            workers, cluster
+        ):  # an address where nobody answers is told before anything is solved
             pass
     with locked(parts):
         stored = {name: unsolved_values(dtype, count) for name, dtype in FIELDS.items()}
@@ -88,17 +114,27 @@ def live_oracle(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarr
             missing = cells[~have[cells]]
             if progress and len(missing) < len(cells):
                 progress(len(cells) - len(missing))
-            chunks = {last + 1 + k: missing[at:at + CHUNK] for k, at in enumerate(range(0, len(missing), CHUNK))}
+            chunks = {
+                last + 1 + k: missing[at : at + CHUNK]
+                for k, at in enumerate(range(0, len(missing), CHUNK))
+            }
             if chunks:
                 last = max(chunks)
-                jobs = (joblib.delayed(solve_chunk)(k, design, [(float(number[c]), float(mass[c])) for c in chunk], settings)
-                        for k, chunk in chunks.items())
-                # open for a batch only: the committee's trees, too, would train on a cluster that is at hand
+                jobs = (
+                    joblib.delayed(solve_chunk)(
+                        k, design, [(float(number[c]), float(mass[c])) for c in chunk], settings
+                    )
+                    for k, chunk in chunks.items()
+                )
+                # open for a batch only: the committee's trees, too, would train on a cluster that
+                # is at hand
                 with cluster_or_processes(workers, cluster) as run:
                     for k, result in run(jobs):
                         result = {name: result[name] for name in FIELDS}
-                        write_atomically(parts / f"chunk-{k:06d}.npz", npz_bytes(
-                            result | {"cells": chunks[k], "run": np.array(run_hash)}))
+                        write_atomically(
+                            parts / f"chunk-{k:06d}.npz",
+                            npz_bytes(result | {"cells": chunks[k], "run": np.array(run_hash)}),
+                        )
                         have[chunks[k]] = True
                         for name in FIELDS:
                             stored[name][chunks[k]] = result[name]
@@ -114,9 +150,15 @@ def _read_chunk(path: Path, run_hash: str, count: int) -> tuple[np.ndarray, dict
         with open_npz(path) as data:
             found = {name: data[name] for name in (*FIELDS, "cells", "run")}
     except UNREADABLE as error:
-        raise MapError(f"{path} is damaged ({error}); delete it to compute these cells again") from None
+        raise MapError(
+            f"{path} is damaged ({error}); delete it to compute these cells again"
+        ) from None
     cells = found.pop("cells")
     fits = cells.dtype.kind == "i" and cells.ndim == 1 and np.all((cells >= 0) & (cells < count))
-    if str(found.pop("run")) != run_hash or not fits or any(found[name].shape != cells.shape for name in FIELDS):
+    if (
+        str(found.pop("run")) != run_hash
+        or not fits
+        or any(found[name].shape != cells.shape for name in FIELDS)
+    ):
         raise MapError(f"{path} belongs to another run; delete it to compute these cells again")
     return cells, found

@@ -1,4 +1,6 @@
-"""A map of one's own bearing in minutes: a coarse plane at once, then cells where regimes are in doubt, until time is up."""
+"""A map of one's own bearing in minutes: a coarse plane at once, then cells where regimes are in
+doubt, until time is up.
+"""
 
 from __future__ import annotations
 
@@ -31,24 +33,32 @@ _KEPT_BACK = 0.05  # of the time, for the last prediction and the file
 
 
 def usual_plane(design: Design) -> tuple[str, str]:
-    """Axes for a design, start:stop:count: bearing numbers 0.05 to 8.5, and rotor masses of the loads of the reference map.
+    """Axes for a design, start:stop:count: bearing numbers 0.05 to 8.5, and rotor masses of the
+    loads of the reference map.
 
     Returns
     -------
     bearing_number, rotor_mass : str
-        As for ``stability_map.axis``. The largest mass weighs 0.67 p_a R², as the reference bearing's 25 kg; times the supply
-        pressure ratio where that is above one.
+        As for ``stability_map.axis``. The largest mass weighs 0.67 p_a R², as the reference
+        bearing's 25 kg; times the supply pressure ratio where that is above one.
     """
     lift = design.force_unit * max(design.bearing.supply_pressure_ratio, 1.0)
     gravity = design.rotor.gravity or 9.81
-    top = float(f"{np.clip(0.672 * lift / gravity, 10 * ROTOR_MASS_RANGE[0], ROTOR_MASS_RANGE[1]):.3g}")
+    top = float(
+        f"{np.clip(0.672 * lift / gravity, 10 * ROTOR_MASS_RANGE[0], ROTOR_MASS_RANGE[1]):.3g}"
+    )
     return f"{0.05:g}:{8.5:g}:170", f"{top / 250:.6g}:{top:.6g}:250"
 
 
-def check_quick_map(bearing_number: str, rotor_mass: str, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+def check_quick_map(
+    bearing_number: str, rotor_mass: str, seconds: float
+) -> tuple[np.ndarray, np.ndarray]:
     """The axes of a quick map. Raises ``InputError`` for a plane or a time out of range."""
     number, mass = axis(bearing_number, "bearing number"), axis(rotor_mass, "rotor mass")
-    for name, values, limits in (("bearing number", number, BEARING_NUMBER_RANGE), ("rotor mass", mass, ROTOR_MASS_RANGE)):
+    for name, values, limits in (
+        ("bearing number", number, BEARING_NUMBER_RANGE),
+        ("rotor mass", mass, ROTOR_MASS_RANGE),
+    ):
         for value in (values[0], values[-1]):
             check_number(name, float(value), *limits)
     check_number("a plane", check_plane(number, mass), MIN_START, MAX_PLANE, "cells")
@@ -58,8 +68,13 @@ def check_quick_map(bearing_number: str, rotor_mass: str, seconds: float) -> tup
 
 def check_cluster(address: str) -> str:
     """The address of a Dask scheduler, "" for none. Raises ``InputError`` for anything else."""
-    if not isinstance(address, str) or not re.fullmatch(r"((tcp|tls|ws|wss)://[\w.:\[\]-]{1,200}:\d{1,5})?", address):
-        raise InputError(f"the Dask scheduler {str(address)[:60]!r} is no address: allowed is one such as tcp://host:8786")
+    if not isinstance(address, str) or not re.fullmatch(
+        r"((tcp|tls|ws|wss)://[\w.:\[\]-]{1,200}:\d{1,5})?", address
+    ):
+        raise InputError(
+            f"the Dask scheduler {str(address)[:60]!r} is no address: allowed is one such as "
+            "tcp://host:8786"
+        )
     return address
 
 
@@ -71,16 +86,31 @@ def _table(design: Design, number: np.ndarray, mass: np.ndarray) -> LinearTable 
     if design == shipped.design:
         return shipped
     try:
-        return linear_table(design, ((float(number[0]), float(number[-1])), (float(mass[0]), float(mass[-1]))), TABLE_NODES)
+        return linear_table(
+            design,
+            ((float(number[0]), float(number[-1])), (float(mass[0]), float(mass[-1]))),
+            TABLE_NODES,
+        )
     except InputError:
         return None
 
 
-def quick_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray, settings: Settings = SETTINGS, *,
-              seconds: float = SECONDS, seed: int = 0, parts: Path, workers: int = 1, cluster: str | None = None,
-              progress: Callable[[float], None] | None = None,
-              publish: Callable[[Refinement], None] | None = None) -> Refinement:
-    """Solve as many cells as the time allows, where regimes are most in doubt, and predict the rest.
+def quick_map(
+    design: Design,
+    bearing_number: np.ndarray,
+    rotor_mass: np.ndarray,
+    settings: Settings = SETTINGS,
+    *,
+    seconds: float = SECONDS,
+    seed: int = 0,
+    parts: Path,
+    workers: int = 1,
+    cluster: str | None = None,
+    progress: Callable[[float], None] | None = None,
+    publish: Callable[[Refinement], None] | None = None,
+) -> Refinement:
+    """Solve as many cells as the time allows, where regimes are most in doubt, and predict the
+    rest.
 
     Parameters
     ----------
@@ -95,7 +125,8 @@ def quick_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray
     seed : int
         Of the choice of cells.
     parts : Path
-        Folder of solved cells (:func:`spab_core.active_learning.oracles.live_oracle`): a run that was killed goes on from them.
+        Folder of solved cells (:func:`spab_core.active_learning.oracles.live_oracle`): a run that
+        was killed goes on from them.
     workers : int
         Processes.
     cluster : str
@@ -128,9 +159,27 @@ def quick_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray
             progress(now - last)
         last = now
 
-    with live_oracle(design, bearing_number, rotor_mass, settings, parts=parts, plan={"quick": seed}, workers=workers,
-                     cluster=cluster, progress=tick) as oracle:
-        run = partial(refine, bearing_number, rotor_mass, oracle, seed=seed, share=SHARE, metadata=metadata, publish=publish)
+    with live_oracle(
+        design,
+        bearing_number,
+        rotor_mass,
+        settings,
+        parts=parts,
+        plan={"quick": seed},
+        workers=workers,
+        cluster=cluster,
+        progress=tick,
+    ) as oracle:
+        run = partial(
+            refine,
+            bearing_number,
+            rotor_mass,
+            oracle,
+            seed=seed,
+            share=SHARE,
+            metadata=metadata,
+            publish=publish,
+        )
         first = run(coarse, start=coarse)
         table = _table(design, bearing_number, rotor_mass)
         tick()
@@ -151,15 +200,18 @@ def quick_map(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray
 
 
 def as_map(r: Refinement) -> StabilityMap:
-    """Solved cells as they are, the others as predicted, as one map for margins and figures; ``r.solved`` tells them apart.
+    """Solved cells as they are, the others as predicted, as one map for margins and figures;
+    ``r.solved`` tells them apart.
 
-    A predicted cell has the committee's deviation as its standard error, the period and the contact of the nearest solved cell
-    of its regime, and no revolutions; where a run is predicted to fail, the status of the nearest that did.
-    """
+    A predicted cell has the committee's deviation as its standard error, the period and the contact
+    of the nearest solved cell of its regime, and no revolutions; where a run is predicted to fail,
+    the status of the nearest that did."""
     solved = {name: values.copy() for name, values in r.values.items()}
     open_cells = ~r.solved
     solved["mle"][open_cells] = np.where(r.regime == "", np.nan, r.mle)[open_cells]
-    solved["mle_standard_error"][open_cells] = np.where(r.regime == "", np.nan, r.deviation)[open_cells]
+    solved["mle_standard_error"][open_cells] = np.where(r.regime == "", np.nan, r.deviation)[
+        open_cells
+    ]
     solved["regime"][open_cells] = r.regime[open_cells]
     for regime in np.unique(r.regime[open_cells]):
         like = r.solved & (r.values["regime"] == regime)
@@ -170,6 +222,8 @@ def as_map(r: Refinement) -> StabilityMap:
             solved[name][wanted] = r.values[name][row[wanted], column[wanted]]
         if regime and not like.any():
             solved["period"][wanted], solved["status"][wanted] = int(regime == "periodic"), "ok"
-    missing = (solved["status"] == "ok") & ~np.isfinite(solved["mle"])  # too few solved cells to predict an exponent
+    missing = (solved["status"] == "ok") & ~np.isfinite(
+        solved["mle"]
+    )  # too few solved cells to predict an exponent
     solved["mle"][missing] = 0.0
     return StabilityMap(r.bearing_number, r.rotor_mass, **solved, metadata=r.metadata)

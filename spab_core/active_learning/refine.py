@@ -1,11 +1,12 @@
-"""Where to solve next: picks the cells of a plane worth solving, from a coarse start, and predicts the others.
+"""Where to solve next: picks the cells of a plane worth solving, from a coarse start, and predicts
+the others.
 
-The committee of :mod:`spab_core.active_learning.committee` learns from the solved cells. Cells are then drawn, a batch at a time, where it
-expects to be wrong: by the variance of the exponent among its trees (the expected squared error) for one part of a batch, in
-proportion to the impurity of the regime (the expected rate of wrong labels, which lives at the borders) for the rest; never two
-neighbours in one batch. A choice depends on the solved values, the seed and the number of the batch alone, so a run that was
-killed makes the same choices again.
-"""
+The committee of :mod:`spab_core.active_learning.committee` learns from the solved cells. Cells are
+then drawn, a batch at a time, where it expects to be wrong: by the variance of the exponent among
+its trees (the expected squared error) for one part of a batch, in proportion to the impurity of the
+regime (the expected rate of wrong labels, which lives at the borders) for the rest; never two
+neighbours in one batch. A choice depends on the solved values, the seed and the number of the batch
+alone, so a run that was killed makes the same choices again."""
 
 from __future__ import annotations
 
@@ -30,35 +31,50 @@ from spab_core.maps.stability_map import FIELDS, MapError, check_axes, check_pla
 MIN_START = 16  # cells
 START = 256  # the coarse start is 1/START of the plane, but no more than a quarter of the budget
 MAX_PLANE = 250_000  # cells that the committee predicts after each batch
-DOUBLING = 6  # batches in which the solved cells double, fewer where they would have less than BATCH cells
+DOUBLING = (
+    6  # batches in which the solved cells double, fewer where they would have less than BATCH cells
+)
 BATCH = 16
-# part of a batch drawn by the variance of the exponent, the rest by the impurity of the regime; where linear theory takes the
-# smooth part of the exponent away, what still varies lies at the borders between regimes too
+# part of a batch drawn by the variance of the exponent, the rest by the impurity of the regime;
+# where linear theory takes the smooth part of the exponent away, what still varies lies at the
+# borders between regimes too
 EXPONENT_SHARE, THEORY_SHARE = 0.3, 0.85
 SHARPNESS = 1.25  # the power of the variance to which draws are proportional
-EXPLORE = 1e-3  # impurity below which no cell is taken to be: an island that no solved cell has met can be found
+# impurity below which no cell is taken to be: an island that no solved cell has met can be found
+EXPLORE = 1e-3
 SUGGESTIONS = 24  # cells named to be solved next
 
 
 def choose_start(shape: tuple[int, int], count: int, seed: int, allowed: np.ndarray) -> np.ndarray:
-    """Space-filling cells: flat indices (count,) among ``allowed`` (n,), from an additive recurrence with a random offset.
+    """Space-filling cells: flat indices (count,) among ``allowed`` (n,), from an additive
+    recurrence with a random offset.
 
-    The steps are powers of the plastic number's inverse: points k times them, modulo 1, fill a square evenly for every k.
-    """
+    The steps are powers of the plastic number's inverse: points k times them, modulo 1, fill a
+    square evenly for every k."""
     rng = np.random.default_rng([seed, 0])
     steps = 1.324717957244746 ** -np.arange(1.0, 3.0)
     points = (rng.random(2) + np.arange(20 * count)[:, None] * steps) % 1.0
     cells = np.ravel_multi_index(tuple((points * shape).astype(int).T), shape)
-    others = rng.permutation(allowed.size)  # where few cells are allowed, the recurrence may not meet enough of them
+    others = rng.permutation(
+        allowed.size
+    )  # where few cells are allowed, the recurrence may not meet enough of them
     cells = np.concatenate([cells, others])
     cells = cells[allowed[cells]]
     _, first = np.unique(cells, return_index=True)
     return cells[np.sort(first)[:count]]
 
 
-def choose_next(prediction: Prediction, free: np.ndarray, shape: tuple[int, int], size: int, seed: int,
-                batch: int, share: float = EXPONENT_SHARE) -> tuple[np.ndarray, np.ndarray]:
-    """Draw a batch: first by the variance of the exponent, then by the impurity of the regime, never two neighbours.
+def choose_next(
+    prediction: Prediction,
+    free: np.ndarray,
+    shape: tuple[int, int],
+    size: int,
+    seed: int,
+    batch: int,
+    share: float = EXPONENT_SHARE,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Draw a batch: first by the variance of the exponent, then by the impurity of the regime,
+    never two neighbours.
 
     Parameters
     ----------
@@ -89,8 +105,12 @@ def choose_next(prediction: Prediction, free: np.ndarray, shape: tuple[int, int]
     for_regime: list[bool] = []
     for_exponent = round(share * size)
     doubt = np.nan_to_num(prediction.deviation**2) ** SHARPNESS
-    for weight, regime, until in ((doubt, False, for_exponent), (np.maximum(prediction.impurity, EXPLORE), True, size)):
-        # the largest of log weight + Gumbel noise: a draw without replacement in proportion to the weights
+    for weight, regime, until in (
+        (doubt, False, for_exponent),
+        (np.maximum(prediction.impurity, EXPLORE), True, size),
+    ):
+        # the largest of log weight + Gumbel noise: a draw without replacement in proportion to the
+        # weights
         order = np.argsort(-(np.log(weight + 1e-12) + rng.gumbel(size=weight.size)), kind="stable")
         for apart in (True, False):  # neighbours only where nothing else is left
             for cell in order:
@@ -100,7 +120,7 @@ def choose_next(prediction: Prediction, free: np.ndarray, shape: tuple[int, int]
                 if taken[cell] or (apart and blocked[row + 1, column + 1]):
                     continue
                 taken[cell] = True
-                blocked[row:row + 3, column:column + 3] = True
+                blocked[row : row + 3, column : column + 3] = True
                 cells.append(int(cell))
                 for_regime.append(regime)
     return np.array(cells, int), np.array(for_regime, bool)
@@ -118,7 +138,8 @@ class Refinement:
     batch : ndarray of int, (B, M)
         In which batch a cell was solved, 0: the start; -1 where it is not solved.
     values : dict of ndarray, (B, M)
-        Solved values by the names of ``stability_map.FIELDS``; nan, "" or 0 in cells that are not solved.
+        Solved values by the names of ``stability_map.FIELDS``; nan, "" or 0 in cells that are not
+        solved.
     mle, deviation : ndarray, (B, M)
         Predicted exponent per revolution and its standard deviation among the trees.
     regime : ndarray of str, (B, M)
@@ -153,18 +174,30 @@ class Refinement:
         """The cells to solve next, one row each, in the order of their choice."""
         row, column = np.unravel_index(self.suggested, self.batch.shape)
         speed = Design.from_dict(self.metadata["design"]).speed_rpm(1.0)
-        return pd.DataFrame({
-            "bearing_number": self.bearing_number[row], "speed_rpm": speed * self.bearing_number[row],
-            "rotor_mass_kg": self.rotor_mass[column], "predicted_mle": self.mle[row, column],
-            "deviation": self.deviation[row, column], "predicted_regime": self.regime[row, column],
-            "probability_unstable": self.unstable[row, column],
-            "in_doubt": np.where(self.suggested_for_regime, "regime", "exponent")})
+        return pd.DataFrame(
+            {
+                "bearing_number": self.bearing_number[row],
+                "speed_rpm": speed * self.bearing_number[row],
+                "rotor_mass_kg": self.rotor_mass[column],
+                "predicted_mle": self.mle[row, column],
+                "deviation": self.deviation[row, column],
+                "predicted_regime": self.regime[row, column],
+                "probability_unstable": self.unstable[row, column],
+                "in_doubt": np.where(self.suggested_for_regime, "regime", "exponent"),
+            }
+        )
 
 
 def check_budget(cells: int, budget: int, seed: int) -> int:
-    """Size of the coarse start of a run. Raises :class:`InputError` for a plane, budget or seed out of range."""
+    """Size of the coarse start of a run.
+
+    Raises :class:`InputError` for a plane, budget or seed out of range.
+    """
     if not MIN_START <= cells <= MAX_PLANE:
-        raise InputError(f"a plane of {cells} cells is out of range: allowed is from {MIN_START} to {MAX_PLANE} cells")
+        raise InputError(
+            f"a plane of {cells} cells is out of range: allowed is from {MIN_START} to "
+            f"{MAX_PLANE} cells"
+        )
     check_number("budget", budget, MIN_START, cells, "cells")
     check_number("seed", seed, 0, 2**32 - 1)
     for name, value in (("budget", budget), ("seed", seed)):
@@ -183,11 +216,24 @@ def _solved_after_batches(first: int) -> Iterator[int]:
 Watch = Callable[[np.ndarray, Prediction], None]
 
 
-def refine(bearing_number: np.ndarray, rotor_mass: np.ndarray, oracle: Oracle, budget: int, seed: int = 0, *,
-           allowed: np.ndarray | None = None, table: LinearTable | None = None, watch: Watch | None = None,
-           metadata: dict | None = None, start: int | None = None, share: float | None = None,
-           allowance: Callable[[int], int] | None = None, publish: Callable[[Refinement], None] | None = None) -> Refinement:
-    """Solve ``budget`` cells of a plane, each batch where the cells solved before leave most in doubt.
+def refine(
+    bearing_number: np.ndarray,
+    rotor_mass: np.ndarray,
+    oracle: Oracle,
+    budget: int,
+    seed: int = 0,
+    *,
+    allowed: np.ndarray | None = None,
+    table: LinearTable | None = None,
+    watch: Watch | None = None,
+    metadata: dict | None = None,
+    start: int | None = None,
+    share: float | None = None,
+    allowance: Callable[[int], int] | None = None,
+    publish: Callable[[Refinement], None] | None = None,
+) -> Refinement:
+    """Solve ``budget`` cells of a plane, each batch where the cells solved before leave most in
+    doubt.
 
     Parameters
     ----------
@@ -195,8 +241,9 @@ def refine(bearing_number: np.ndarray, rotor_mass: np.ndarray, oracle: Oracle, b
     rotor_mass : ndarray, (M,)
         kg on one bearing.
     oracle : callable
-        Solves cells, one of :mod:`spab_core.active_learning.oracles`: flat indices (k,) -> arrays (k,) by the names of
-        ``stability_map.FIELDS``. A cell that fails counts, and is not asked for again.
+        Solves cells, one of :mod:`spab_core.active_learning.oracles`: flat indices (k,) -> arrays
+        (k,) by the names of ``stability_map.FIELDS``. A cell that fails counts, and is not asked
+        for again.
     budget : int
         Cells solved in the end, the start included.
     seed : int
@@ -210,11 +257,13 @@ def refine(bearing_number: np.ndarray, rotor_mass: np.ndarray, oracle: Oracle, b
     metadata : dict, optional
         Of the result; ``design`` is needed for :meth:`Refinement.suggestions`.
     start : int, optional
-        Cells of the coarse start, at most ``budget``; those of a smaller start are among those of a larger one.
+        Cells of the coarse start, at most ``budget``; those of a smaller start are among those of a
+        larger one.
     share : float, optional
         Of a batch, drawn for the exponent rather than for the regime.
     allowance : callable, optional
-        Called with the number of solved cells before each batch: the most cells that it may have; 0 ends the run.
+        Called with the number of solved cells before each batch: the most cells that it may have; 0
+        ends the run.
     publish : callable, optional
         Called with the result so far after each batch.
 
@@ -235,7 +284,9 @@ def refine(bearing_number: np.ndarray, rotor_mass: np.ndarray, oracle: Oracle, b
     shape = (len(bearing_number), len(rotor_mass))
     may = np.ones(count, bool) if allowed is None else np.asarray(allowed, bool).ravel()
     if may.size != count or may.sum() < budget:
-        raise InputError(f"budget = {budget} is out of range: {int(may.sum())} of {may.size} cells may be solved")
+        raise InputError(
+            f"budget = {budget} is out of range: {int(may.sum())} of {may.size} cells may be solved"
+        )
     inputs = plane_inputs(bearing_number, rotor_mass, table)
     if share is None:
         share = EXPONENT_SHARE if table is None else THEORY_SHARE
@@ -257,8 +308,18 @@ def refine(bearing_number: np.ndarray, rotor_mass: np.ndarray, oracle: Oracle, b
         size = goal - done if allowance is None else min(goal - done, allowance(done))
         own = {"budget": int(budget), "seed": int(seed), "start": first, "batches": batch}
         if publish or size <= 0:
-            suggested = choose_next(prediction, free, shape, min(SUGGESTIONS, int(free.sum())), seed, batch, share)
-            result = _refinement(bearing_number, rotor_mass, batch_of, values, prediction, suggested, (metadata or {}) | own)
+            suggested = choose_next(
+                prediction, free, shape, min(SUGGESTIONS, int(free.sum())), seed, batch, share
+            )
+            result = _refinement(
+                bearing_number,
+                rotor_mass,
+                batch_of,
+                values,
+                prediction,
+                suggested,
+                (metadata or {}) | own,
+            )
             if publish:
                 publish(result)
             if size <= 0:
@@ -266,40 +327,77 @@ def refine(bearing_number: np.ndarray, rotor_mass: np.ndarray, oracle: Oracle, b
         cells, _ = choose_next(prediction, free, shape, size, seed, batch, share)
 
 
-def _refinement(bearing_number, rotor_mass, batch_of, values, prediction, suggested, metadata) -> Refinement:
+def _refinement(
+    bearing_number, rotor_mass, batch_of, values, prediction, suggested, metadata
+) -> Refinement:
     shape = (len(bearing_number), len(rotor_mass))
-    mle, deviation, regime, unstable = (a.reshape(shape) for a in (prediction.mle, prediction.deviation, prediction.regime,
-                                                                   prediction.unstable))
-    return Refinement(bearing_number, rotor_mass, batch_of.reshape(shape).copy(),
-                      {k: v.reshape(shape).copy() for k, v in values.items()}, mle, deviation, regime, unstable,
-                      suggested[0], suggested[1], metadata)
+    mle, deviation, regime, unstable = (
+        a.reshape(shape)
+        for a in (prediction.mle, prediction.deviation, prediction.regime, prediction.unstable)
+    )
+    return Refinement(
+        bearing_number,
+        rotor_mass,
+        batch_of.reshape(shape).copy(),
+        {k: v.reshape(shape).copy() for k, v in values.items()},
+        mle,
+        deviation,
+        regime,
+        unstable,
+        suggested[0],
+        suggested[1],
+        metadata,
+    )
 
 
-_FLOATS = {"predicted_mle": "mle", "predicted_deviation": "deviation", "probability_unstable": "unstable"}  # in the file
+_FLOATS = {
+    "predicted_mle": "mle",
+    "predicted_deviation": "deviation",
+    "probability_unstable": "unstable",
+}  # in the file
 _ARRAYS = {"batch": "i", "predicted_regime": "U", **dict.fromkeys(_FLOATS, "f")}
 
 
 def save_refinement(result: Refinement, path: str | Path) -> None:
     """Write as NPZ, atomically.
 
-    Keys: ``bearing_number``, ``rotor_mass``, ``solved``, ``batch``, the solved values by the names of ``FIELDS``,
-    ``predicted_mle``, ``predicted_deviation`` and ``probability_unstable`` (float32), ``predicted_regime``, ``suggested`` (flat
-    indices), ``suggested_for_regime``, ``metadata`` as JSON text.
-    """
-    arrays = {"bearing_number": result.bearing_number, "rotor_mass": result.rotor_mass, "solved": result.solved,
-              "batch": result.batch, **result.values,
-              **{key: getattr(result, name).astype(np.float32) for key, name in _FLOATS.items()},
-              "predicted_regime": result.regime, "suggested": result.suggested,
-              "suggested_for_regime": result.suggested_for_regime, "metadata": np.array(json.dumps(result.metadata))}
+    Keys: ``bearing_number``, ``rotor_mass``, ``solved``, ``batch``, the solved values by the names
+    of ``FIELDS``, ``predicted_mle``, ``predicted_deviation`` and ``probability_unstable``
+    (float32), ``predicted_regime``, ``suggested`` (flat indices), ``suggested_for_regime``,
+    ``metadata`` as JSON text."""
+    arrays = {
+        "bearing_number": result.bearing_number,
+        "rotor_mass": result.rotor_mass,
+        "solved": result.solved,
+        "batch": result.batch,
+        **result.values,
+        **{key: getattr(result, name).astype(np.float32) for key, name in _FLOATS.items()},
+        "predicted_regime": result.regime,
+        "suggested": result.suggested,
+        "suggested_for_regime": result.suggested_for_regime,
+        "metadata": np.array(json.dumps(result.metadata)),
+    }
     write_atomically(path, npz_bytes(arrays))
 
 
 def load_refinement(path: str | Path) -> Refinement:
-    """Read what :func:`save_refinement` wrote; nothing in it is ever unpickled. Raises ``MapError`` for any other file."""
+    """Read what :func:`save_refinement` wrote; nothing in it is ever unpickled.
+
+    Raises ``MapError`` for any other file.
+    """
     try:
         with open_npz(path) as data:
-            found = {name: data[name] for name in ("bearing_number", "rotor_mass", *_ARRAYS, *FIELDS, "suggested",
-                                                   "suggested_for_regime")}
+            found = {
+                name: data[name]
+                for name in (
+                    "bearing_number",
+                    "rotor_mass",
+                    *_ARRAYS,
+                    *FIELDS,
+                    "suggested",
+                    "suggested_for_regime",
+                )
+            }
             metadata = data.json("metadata")
             Design.from_dict(metadata["design"])
     except InputError:
@@ -311,12 +409,28 @@ def load_refinement(path: str | Path) -> Refinement:
     if check_plane(number, mass) > MAX_PLANE:
         raise MapError(f"{path} is not a refinement: it has more than {MAX_PLANE:,} cells")
     kinds = _ARRAYS | {name: np.dtype(dtype).kind for name, dtype in FIELDS.items()}
-    fits = (suggested.ndim == 1 and suggested.dtype.kind == "i" and found["suggested_for_regime"].shape == suggested.shape
-            and all(found[k].shape == (len(number), len(mass)) and found[k].dtype.kind == kind for k, kind in kinds.items())
-            and np.all((suggested >= 0) & (suggested < len(number) * len(mass)))
-            and np.isin(found["predicted_regime"], LABELS).all() and np.isin(found["regime"], LABELS).all())
+    fits = (
+        suggested.ndim == 1
+        and suggested.dtype.kind == "i"
+        and found["suggested_for_regime"].shape == suggested.shape
+        and all(
+            found[k].shape == (len(number), len(mass)) and found[k].dtype.kind == kind
+            for k, kind in kinds.items()
+        )
+        and np.all((suggested >= 0) & (suggested < len(number) * len(mass)))
+        and np.isin(found["predicted_regime"], LABELS).all()
+        and np.isin(found["regime"], LABELS).all()
+    )
     if not fits:
         raise MapError(f"{path} is not a refinement: its arrays do not fit together")
-    return Refinement(number, mass, found["batch"], {name: found[name] for name in FIELDS},
-                      **{name: found[key].astype(float) for key, name in _FLOATS.items()}, regime=found["predicted_regime"],
-                      suggested=suggested, suggested_for_regime=found["suggested_for_regime"].astype(bool), metadata=metadata)
+    return Refinement(
+        number,
+        mass,
+        found["batch"],
+        {name: found[name] for name in FIELDS},
+        **{name: found[key].astype(float) for key, name in _FLOATS.items()},
+        regime=found["predicted_regime"],
+        suggested=suggested,
+        suggested_for_regime=found["suggested_for_regime"].astype(bool),
+        metadata=metadata,
+    )

@@ -17,7 +17,11 @@ def add_command(commands, whole) -> None:
     text = "open the dashboard in the browser"
     sub = commands.add_parser("dashboard", help=text, description=text, allow_abbrev=False)
     sub.add_argument("--port", type=whole, default=PORT, help=f"left out: {PORT}")
-    sub.add_argument("--address", default=ADDRESS, help=f"left out: {ADDRESS}, this machine alone; 0.0.0.0: whoever reaches it")
+    sub.add_argument(
+        "--address",
+        default=ADDRESS,
+        help=f"left out: {ADDRESS}, this machine alone; 0.0.0.0: whoever reaches it",
+    )
     sub.add_argument("--headless", action="store_true", help="open no browser")
     sub.set_defaults(run=_dashboard, json=False)
 
@@ -26,19 +30,33 @@ def check_free(address: str, port: int) -> None:
     """Raise ``InputError`` unless a server may listen there."""
     check_number("--port", port, 1, 65535)
     try:
-        family, kind, protocol, _, place = socket.getaddrinfo(address, port, type=socket.SOCK_STREAM)[0]
+        family, kind, protocol, _, place = socket.getaddrinfo(
+            address, port, type=socket.SOCK_STREAM
+        )[0]
     except (OSError, UnicodeError):
-        raise InputError(f"--address = {address[:100]!r} is no address of this machine, such as {ADDRESS}") from None
+        raise InputError(
+            f"--address = {address[:100]!r} is no address of this machine, such as {ADDRESS}"
+        ) from None
     with socket.socket(family, kind, protocol) as trial:
-        if not hasattr(socket, "SO_EXCLUSIVEADDRUSE"):  # on Windows it would let two servers share a port
-            trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server does: a port just left is free
+        if not hasattr(
+            socket, "SO_EXCLUSIVEADDRUSE"
+        ):  # on Windows it would let two servers share a port
+            trial.setsockopt(
+                socket.SOL_SOCKET, socket.SO_REUSEADDR, 1
+            )  # as the server does: a port just left is free
         try:
             trial.bind(place)
         except PermissionError:
-            raise InputError(f"--port = {port} is not allowed to you on this machine: give another one, from 1024 on") from None
+            raise InputError(
+                f"--port = {port} is not allowed to you on this machine: give another one, from "
+                "1024 on"
+            ) from None
         except OSError as error:
-            raise InputError(f"--port = {port} cannot be used on {address} ({error.strerror or error}): is a dashboard open "
-                             "there already? Give another --port") from None
+            raise InputError(
+                f"--port = {port} cannot be used on {address} ({error.strerror or error}): is a "
+                "dashboard open "
+                "there already? Give another --port"
+            ) from None
 
 
 def _dashboard(args) -> dict:
@@ -47,6 +65,13 @@ def _dashboard(args) -> dict:
     from streamlit.web.cli import main  # half a second that other commands need not wait
 
     # .streamlit/config.toml beside app.py is read by Streamlit itself
-    options = {"server.address": args.address, "server.port": args.port, "server.headless": str(args.headless).lower()}
-    main(["run", str(HOME / "app.py"), *(f"--{key}={value}" for key, value in options.items())], standalone_mode=False)
+    options = {
+        "server.address": args.address,
+        "server.port": args.port,
+        "server.headless": str(args.headless).lower(),
+    }
+    main(
+        ["run", str(HOME / "app.py"), *(f"--{key}={value}" for key, value in options.items())],
+        standalone_mode=False,
+    )
     return {}

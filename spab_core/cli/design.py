@@ -1,4 +1,6 @@
-"""The commands ``spab design …``: presets, a design file to start from, derived numbers, coefficients for rotor programs."""
+"""The commands ``spab design …``: presets, a design file to start from, derived numbers,
+coefficients for rotor programs.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,12 @@ from spab_core.linear_theory.coefficients import (
     coefficients_over_speed,
     impedance,
 )
-from spab_core.linear_theory.ross_table import FORMATS, check_table_output, coefficient_table, save_table
+from spab_core.linear_theory.ross_table import (
+    FORMATS,
+    check_table_output,
+    coefficient_table,
+    save_table,
+)
 from spab_core.linear_theory.summary import Derived, derive
 from spab_core.maps.stability_map import axis
 from spab_core.solver.film import DEFAULT_MESH, parse_mesh
@@ -31,7 +38,9 @@ MAX_ROWS = 1000
 
 
 def add_commands(commands, number, whole) -> None:
-    """Add ``design`` and what belongs to it to the parser's commands; ``number`` reads a float, ``whole`` an integer."""
+    """Add ``design`` and what belongs to it to the parser's commands; ``number`` reads a float,
+    ``whole`` an integer.
+    """
     text = "designs: presets, files, derived numbers, coefficients for rotor programs"
     parser = commands.add_parser("design", help=text, description=text, allow_abbrev=False)
     subs = parser.add_subparsers(dest="design_command", required=True, parser_class=type(parser))
@@ -39,33 +48,62 @@ def add_commands(commands, number, whole) -> None:
     def command(name, text, run, design=True, point=True):
         sub = subs.add_parser(name, help=text, description=text, allow_abbrev=False)
         if design:
-            sub.add_argument("--design", metavar="FILE.toml", help="design file; left out: the reference design")
+            sub.add_argument(
+                "--design", metavar="FILE.toml", help="design file; left out: the reference design"
+            )
             sub.add_argument("--preset", help=f"in place of --design: {', '.join(PRESETS)}")
         if point:
             sub.add_argument("--rotor-mass", type=number, required=True, help="kg on one bearing")
-            sub.add_argument("--mesh", default=str(DEFAULT_MESH), help="latitudes x azimuths of the half band, such as 4x48")
+            sub.add_argument(
+                "--mesh",
+                default=str(DEFAULT_MESH),
+                help="latitudes x azimuths of the half band, such as 4x48",
+            )
         sub.add_argument("--json", action="store_true", help="print one JSON object")
         sub.set_defaults(run=run)
         return sub
 
-    sub = command("show", "what a design means at an operating point: groups, equilibrium, gas flow, stiffness, whirl", _show)
+    sub = command(
+        "show",
+        "what a design means at an operating point: groups, equilibrium, gas flow, stiffness, "
+        "whirl",
+        _show,
+    )
     sub.add_argument("--rpm", type=number, help="shaft speed; or give --bearing-number")
     sub.add_argument("--bearing-number", type=number, help="shaft speed as bearing number")
     command("presets", "the designs that come with spab", _presets, design=False, point=False)
-    sub = command("new", "write a preset's design file, to be changed", _new, design=False, point=False)
+    sub = command(
+        "new", "write a preset's design file, to be changed", _new, design=False, point=False
+    )
     sub.add_argument("--preset", required=True, help=", ".join(PRESETS))
     sub.add_argument("--out", required=True, metavar="FILE.toml")
-    sub = command("coefficients", "stiffness and damping at the static equilibrium as a table, as ROSS reads it", _coefficients)
+    sub = command(
+        "coefficients",
+        "stiffness and damping at the static equilibrium as a table, as ROSS reads it",
+        _coefficients,
+    )
     either = "one number, or START:STOP:COUNT for a table against shaft speed"
     sub.add_argument("--rpm", help=f"shaft speed: {either}")
     sub.add_argument("--bearing-number", help=f"shaft speed as bearing number: {either}")
-    sub.add_argument("--whirl", default=LEAST_STABLE,
-                     help="whirl frequency over shaft speed: a number (1: synchronous), START:STOP:COUNT at one shaft speed "
-                          f"or {LEAST_STABLE} (left out): at each speed that of the rotor's least stable whirl, which gives "
-                          "the right limit of stability")
-    sub.add_argument("--out", required=True, metavar="FILE", help=f"table; ends in {' or '.join(FORMATS)}")
-    sub = command("map", "the map of a bearing in minutes: cells solved where regimes are in doubt, the others predicted",
-                  lambda args: design_map(args, _design(args)), point=False)
+    sub.add_argument(
+        "--whirl",
+        default=LEAST_STABLE,
+        help="whirl frequency over shaft speed: a number (1: synchronous), START:STOP:COUNT at "
+        "one shaft speed "
+        f"or {LEAST_STABLE} (left out): at each speed that of the rotor's least stable whirl, "
+        "which gives "
+        "the right limit of stability",
+    )
+    sub.add_argument(
+        "--out", required=True, metavar="FILE", help=f"table; ends in {' or '.join(FORMATS)}"
+    )
+    sub = command(
+        "map",
+        "the map of a bearing in minutes: cells solved where regimes are in doubt, the others "
+        "predicted",
+        lambda args: design_map(args, _design(args)),
+        point=False,
+    )
     add_map_command(sub, number, whole)
 
 
@@ -78,12 +116,24 @@ def _design(args) -> Design:
 
 
 def _presets(args) -> dict:
-    rows = [{"name": p.name, "label": p.label, "text": p.text, "rotor_mass_kg": p.rotor_mass, "speed_rpm": p.speed_rpm,
-             "bearing_number": bearing_number_of(p.design, None, p.speed_rpm)} for p in PRESETS.values()]
+    rows = [
+        {
+            "name": p.name,
+            "label": p.label,
+            "text": p.text,
+            "rotor_mass_kg": p.rotor_mass,
+            "speed_rpm": p.speed_rpm,
+            "bearing_number": bearing_number_of(p.design, None, p.speed_rpm),
+        }
+        for p in PRESETS.values()
+    ]
     if not args.json:
         for row in rows:
-            print(f"{row['name']:18s} {row['label']}: {row['text']}; look first at {row['rotor_mass_kg']:g} kg, "
-                  f"{row['speed_rpm']:,.0f} rpm")
+            print(
+                f"{row['name']:18s} {row['label']}: {row['text']}; look first at "
+                f"{row['rotor_mass_kg']:g} kg, "
+                f"{row['speed_rpm']:,.0f} rpm"
+            )
     return {"presets": rows}
 
 
@@ -92,15 +142,20 @@ def _new(args) -> dict:
     check_output(args.out, "--out")
     save_design(chosen.design, args.out)
     if not args.json:
-        print(f"{args.out}: {chosen.label}; change its values, then spab design show --design {args.out} --rotor-mass "
-              f"{chosen.rotor_mass:g} --rpm {chosen.speed_rpm:g}")
+        print(
+            f"{args.out}: {chosen.label}; change its values, then spab design show --design "
+            f"{args.out} --rotor-mass "
+            f"{chosen.rotor_mass:g} --rpm {chosen.speed_rpm:g}"
+        )
     return {"out": args.out, "preset": chosen.name, "design": _finite(chosen.design)}
 
 
 def _finite(design: Design) -> dict:
     """The design as plain values; an infinite stiffness is no JSON number and becomes "inf"."""
-    return {part: {key: value if math.isfinite(value) else "inf" for key, value in values.items()}
-            for part, values in design.to_dict().items()}
+    return {
+        part: {key: value if math.isfinite(value) else "inf" for key, value in values.items()}
+        for part, values in design.to_dict().items()
+    }
 
 
 def _show(args) -> dict:
@@ -114,21 +169,35 @@ def _show(args) -> dict:
 
 def _lines(d: Derived) -> list[str]:
     """The derived numbers as text."""
-    lines = [f"Operating point: {d.rotor_mass:g} kg on one bearing at {d.speed_rpm:,.0f} rpm ({d.speed:.1f} rad/s)",
-             f"Groups: Lambda {d.bearing_number:.4g}, M {d.mass_number:.4g}, K {d.shaft_stiffness_number:.4g}, beta "
-             f"{d.feeding_number:.4g}, W {d.load_number:.4g}, rho {d.unbalance_number:.4g}",
-             f"Unbalance: balance quality G {d.balance_grade:.3g} mm/s at this speed"]
+    lines = [
+        f"Operating point: {d.rotor_mass:g} kg on one bearing at {d.speed_rpm:,.0f} rpm "
+        f"({d.speed:.1f} rad/s)",
+        f"Groups: Lambda {d.bearing_number:.4g}, M {d.mass_number:.4g}, K "
+        f"{d.shaft_stiffness_number:.4g}, beta "
+        f"{d.feeding_number:.4g}, W {d.load_number:.4g}, rho {d.unbalance_number:.4g}",
+        f"Unbalance: balance quality G {d.balance_grade:.3g} mm/s at this speed",
+    ]
     if d.gas_flow is None or d.coefficients is None:
         return [*lines, d.status[0].upper() + d.status[1:]]
-    lines += [f"Static equilibrium: eccentricity {d.eccentricity:.4f} of the clearance, attitude angle {d.attitude_angle:.1f} "
-              f"deg, thinnest film {1e6 * (d.least_film or 0.0):.2f} µm",
-              f"Gas flow through the wall: {d.gas_flow.mass:.3e} kg/s, {d.gas_flow.normal_litres:.3g} normal litres a minute"]
+    lines += [
+        f"Static equilibrium: eccentricity {d.eccentricity:.4f} of the clearance, attitude angle "
+        f"{d.attitude_angle:.1f} "
+        f"deg, thinnest film {1e6 * (d.least_film or 0.0):.2f} µm",
+        f"Gas flow through the wall: {d.gas_flow.mass:.3e} kg/s, {d.gas_flow.normal_litres:.3g} "
+        "normal litres a minute",
+    ]
     for k, name in enumerate(("Static", "Synchronous")):
         c = d.coefficients
-        lines.append(f"{name}: " + ", ".join(f"{n} {c.column(n)[k]:.4g}" for n in NAMES) + " (N/m, N s/m)")
+        lines.append(
+            f"{name}: " + ", ".join(f"{n} {c.column(n)[k]:.4g}" for n in NAMES) + " (N/m, N s/m)"
+        )
     if d.whirl:
-        lines.append(f"Least stable whirl: {d.whirl.speed_rpm:,.0f} a minute, {d.whirl.ratio:.4f} of the shaft speed; "
-                     f"{'decays' if d.whirl.stable else 'GROWS'} by {abs(d.whirl.growth):.4g} per revolution (linear)")
+        lines.append(
+            f"Least stable whirl: {d.whirl.speed_rpm:,.0f} a minute, {d.whirl.ratio:.4f} of the "
+            "shaft speed; "
+            f"{'decays' if d.whirl.stable else 'GROWS'} by {abs(d.whirl.growth):.4g} per "
+            "revolution (linear)"
+        )
     return lines
 
 
@@ -137,30 +206,49 @@ def _values(text: str, name: str) -> np.ndarray | float:
     if ":" in text:
         values = axis(text, name)
         if len(values) > MAX_ROWS:
-            raise InputError(f"{name}: count = {len(values)} is out of range: allowed is from 1 to {MAX_ROWS}")
+            raise InputError(
+                f"{name}: count = {len(values)} is out of range: allowed is from 1 to {MAX_ROWS}"
+            )
         return values
     try:
         return float(text)
     except ValueError:
-        raise InputError(f"{name} = {text[:60]!r} is neither a number nor start:stop:count") from None
+        raise InputError(
+            f"{name} = {text[:60]!r} is neither a number nor start:stop:count"
+        ) from None
 
 
 def _speeds(args, design: Design) -> np.ndarray | float:
     """Bearing numbers from --rpm or --bearing-number, checked."""
     if (args.rpm is None) == (args.bearing_number is None):
         raise InputError("give either --bearing-number or --rpm")
-    given = _values(*((args.rpm, "--rpm") if args.rpm is not None else (args.bearing_number, "--bearing-number")))
+    given = _values(
+        *(
+            (args.rpm, "--rpm")
+            if args.rpm is not None
+            else (args.bearing_number, "--bearing-number")
+        )
+    )
 
     def number(value: float) -> float:
-        return bearing_number_of(design, *((None, value) if args.rpm is not None else (value, None)))
-    return np.array([number(float(v)) for v in given]) if isinstance(given, np.ndarray) else number(given)
+        return bearing_number_of(
+            design, *((None, value) if args.rpm is not None else (value, None))
+        )
+
+    return (
+        np.array([number(float(v)) for v in given])
+        if isinstance(given, np.ndarray)
+        else number(given)
+    )
 
 
 def _coefficients(args) -> dict:
     design, mesh = _design(args), parse_mesh(args.mesh)
     check_table_output(args.out)
     speeds = _speeds(args, design)
-    whirl: np.ndarray | float | str = args.whirl if args.whirl == LEAST_STABLE else _values(args.whirl, "--whirl")
+    whirl: np.ndarray | float | str = (
+        args.whirl if args.whirl == LEAST_STABLE else _values(args.whirl, "--whirl")
+    )
     check_point(args.rotor_mass, float(np.max(speeds)))
     against = "speed" if isinstance(speeds, np.ndarray) else "frequency"
     found = _solve(design, args.rotor_mass, speeds, whirl, mesh)
@@ -168,21 +256,37 @@ def _coefficients(args) -> dict:
     save_table(table, args.out)
     if not args.json:
         axis_name = "shaft speed" if against == "speed" else "whirl frequency"
-        print(f"{args.out}: {len(table)} rows against {axis_name}, rad/s, N/m, N s/m"
-              + (f"; left out for want of a static equilibrium: {len(found.missing)} speeds" if found.missing else ""))
-    return {"out": args.out, "axis": against, "rows": table.to_dict("records"), "missing_speeds_rad_s": list(found.missing)}
+        print(
+            f"{args.out}: {len(table)} rows against {axis_name}, rad/s, N/m, N s/m"
+            + (
+                f"; left out for want of a static equilibrium: {len(found.missing)} speeds"
+                if found.missing
+                else ""
+            )
+        )
+    return {
+        "out": args.out,
+        "axis": against,
+        "rows": table.to_dict("records"),
+        "missing_speeds_rad_s": list(found.missing),
+    }
 
 
 def _solve(design, rotor_mass, speeds, whirl, mesh) -> Coefficients:
     if isinstance(speeds, np.ndarray):
         if isinstance(whirl, np.ndarray):
-            raise InputError("a table is against shaft speed or against whirl frequency: give a range to one of them alone")
+            raise InputError(
+                "a table is against shaft speed or against whirl frequency: give a range to one "
+                "of them alone"
+            )
         return coefficients_over_speed(design, rotor_mass, speeds, whirl, mesh)
     if not isinstance(whirl, np.ndarray):
-        raise InputError("a table needs a range: give START:STOP:COUNT to --rpm, --bearing-number or --whirl")
+        raise InputError(
+            "a table needs a range: give START:STOP:COUNT to --rpm, --bearing-number or --whirl"
+        )
     z = impedance(design, rotor_mass, speeds, mesh)
     if z is None:
-        raise InputError("there is no static equilibrium: the film does not carry this rotor at this speed")
+        raise InputError(
+            "there is no static equilibrium: the film does not carry this rotor at this speed"
+        )
     return coefficients(z, whirl)
-
-

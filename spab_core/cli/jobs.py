@@ -1,4 +1,6 @@
-"""The commands ``spab jobs …``: background jobs listed, cancelled, deleted; and what a long command says when stopped."""
+"""The commands ``spab jobs …``: background jobs listed, cancelled, deleted; and what a long command
+says when stopped.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,8 @@ from spab_core.jobs.store import Job, cancel, delete, list_jobs
 
 @contextlib.contextmanager
 def kept_when_stopped(bar: tqdm, parts: Path, what: str) -> Iterator[None]:
-    """Say where the finished ``what`` are kept, if the run under the bar is stopped or loses a worker process.
+    """Say where the finished ``what`` are kept, if the run under the bar is stopped or loses a
+    worker process.
 
     Raises
     ------
@@ -46,9 +49,11 @@ def add_commands(commands) -> None:
     text = "long work that the dashboard has started in the background"
     parser = commands.add_parser("jobs", help=text, description=text, allow_abbrev=False)
     subs = parser.add_subparsers(dest="jobs_command", required=True, parser_class=type(parser))
-    for name, words, run in (("list", "all jobs, the latest first", _list),
-                             ("cancel", "stop a job that is queued or running; what it has solved is kept", _cancel),
-                             ("delete", "delete a job with its result", _delete)):
+    for name, words, run in (
+        ("list", "all jobs, the latest first", _list),
+        ("cancel", "stop a job that is queued or running; what it has solved is kept", _cancel),
+        ("delete", "delete a job with its result", _delete),
+    ):
         sub = subs.add_parser(name, help=words, description=words, allow_abbrev=False)
         if run is not _list:
             sub.add_argument("id", metavar="ID", help="as listed")
@@ -58,13 +63,26 @@ def add_commands(commands) -> None:
 
 def _finite(parameters: dict) -> dict:
     """Parameters as plain JSON: an infinite stiffness becomes "inf"."""
-    return json.loads(json.dumps(parameters), parse_constant=lambda word: word.lower().removesuffix("inity"))
+    return json.loads(
+        json.dumps(parameters), parse_constant=lambda word: word.lower().removesuffix("inity")
+    )
 
 
 def _record(job: Job) -> dict:
-    return {"id": job.id, "state": job.state, "done": job.done, "total": job.total, "bytes": job.size, "created": job.created,
-            "started": job.started, "finished": job.finished, "seconds_left": job.seconds_left, "message": job.message,
-            "folder": str(job.folder), "parameters": _finite(job.parameters)}
+    return {
+        "id": job.id,
+        "state": job.state,
+        "done": job.done,
+        "total": job.total,
+        "bytes": job.size,
+        "created": job.created,
+        "started": job.started,
+        "finished": job.finished,
+        "seconds_left": job.seconds_left,
+        "message": job.message,
+        "folder": str(job.folder),
+        "parameters": _finite(job.parameters),
+    }
 
 
 def _line(job: Job) -> str:

@@ -16,13 +16,20 @@ from spab_core.shipped.manifest import load_reference_map
 
 def add_commands(commands, number) -> None:
     """Add the commands to the parser's; ``number`` reads a float."""
+
     def command(name, text):
         sub = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
         sub.add_argument("--json", action="store_true", help="print one JSON object")
         return sub
 
-    sub = command("margin", "how far an operating point is from the nearest instability and chaos of a map")
-    sub.add_argument("--map", metavar="FILE.npz", help="map file; left out: the shipped map of the reference design")
+    sub = command(
+        "margin", "how far an operating point is from the nearest instability and chaos of a map"
+    )
+    sub.add_argument(
+        "--map",
+        metavar="FILE.npz",
+        help="map file; left out: the shipped map of the reference design",
+    )
     sub.add_argument("--rotor-mass", type=number, required=True, help="kg on one bearing")
     speed = sub.add_mutually_exclusive_group(required=True)
     speed.add_argument("--bearing-number", type=number)
@@ -44,7 +51,10 @@ def _margin(args) -> dict:
         number = m.design.bearing_number(args.rpm * math.pi / 30.0)
     found = margin(m, args.rotor_mass, number)
     if not args.json:
-        print(f"{found.here} at {found.rotor_mass:g} kg and {found.speed_rpm:,.0f} rpm (bearing number {number:.4g})")
+        print(
+            f"{found.here} at {found.rotor_mass:g} kg and {found.speed_rpm:,.0f} rpm (bearing "
+            f"number {number:.4g})"
+        )
         print("\n".join([found.headline(), *found.sentences()]))
     return found.record()
 
@@ -52,6 +62,7 @@ def _margin(args) -> dict:
 def _export(args) -> dict:
     from spab_core.common.files import csv_bytes  # with Plotly: other commands need not wait for it
     from spab_core.reporting.export import map_netcdf, map_table
+
     writers = {".nc": map_netcdf, ".csv": lambda m: csv_bytes(map_table(m))}
     ending = Path(args.out).suffix.lower()
     if ending not in writers:

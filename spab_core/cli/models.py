@@ -14,7 +14,14 @@ from spab_core.maps.stability_map import StabilityMap, load_map
 from spab_core.shipped import model_cache
 from spab_core.shipped.build import rebuild, trainings
 from spab_core.shipped.manifest import ARTIFACTS, load_reference_map
-from spab_core.shipped.model_store import describe, dump, keep_model, model_source, predictions, train_on_map
+from spab_core.shipped.model_store import (
+    describe,
+    dump,
+    keep_model,
+    model_source,
+    predictions,
+    train_on_map,
+)
 from spab_core.shipped.verify import verify
 from spab_core.surrogates.metrics import SEEDS, errors
 from spab_core.surrogates.models import DIVISORS, MODELS, model
@@ -22,25 +29,54 @@ from spab_core.surrogates.models import DIVISORS, MODELS, model
 
 def add_commands(commands, whole) -> None:
     """Add the commands to the parser's; ``whole`` reads an integer."""
+
     def command(name, text):
         sub = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
-        sub.add_argument("--folder", metavar="DIR", help="of the shipped files; left out: artifacts/ of this installation")
+        sub.add_argument(
+            "--folder",
+            metavar="DIR",
+            help="of the shipped files; left out: artifacts/ of this installation",
+        )
         sub.add_argument("--json", action="store_true", help="print one JSON object")
         return sub
 
-    sub = command("train", "train one surrogate and keep it, or with --all everything that is shipped")
+    sub = command(
+        "train", "train one surrogate and keep it, or with --all everything that is shipped"
+    )
     sub.add_argument("--model", help=", ".join(MODELS))
     sub.add_argument("--divisor", type=whole, help="train on n/DIVISOR of the cells")
-    sub.add_argument("--seed", type=whole, help="of the draw of the training cells and of the model; left out: 0")
-    sub.add_argument("--out", metavar="FILE.joblib", help="write the model there, not into the cache; FILE.joblib.json says "
-                                                          "what it was made from")
-    sub.add_argument("--map", metavar="FILE.npz", help="map file; left out: the shipped map of the reference design")
-    sub.add_argument("--all", action="store_true", help="scores, predicted maps, the small models and the manifest of --folder")
-    sub.add_argument("--seeds", type=whole, help=f"with --all: draws of the training cells; left out: {len(SEEDS)}")
+    sub.add_argument(
+        "--seed", type=whole, help="of the draw of the training cells and of the model; left out: 0"
+    )
+    sub.add_argument(
+        "--out",
+        metavar="FILE.joblib",
+        help="write the model there, not into the cache; FILE.joblib.json says "
+        "what it was made from",
+    )
+    sub.add_argument(
+        "--map",
+        metavar="FILE.npz",
+        help="map file; left out: the shipped map of the reference design",
+    )
+    sub.add_argument(
+        "--all",
+        action="store_true",
+        help="scores, predicted maps, the small models and the manifest of --folder",
+    )
+    sub.add_argument(
+        "--seeds",
+        type=whole,
+        help=f"with --all: draws of the training cells; left out: {len(SEEDS)}",
+    )
     sub.add_argument("--workers", type=whole, help="with --all: processes; left out: 1")
     sub.set_defaults(run=_train)
 
-    sub = command("verify", "check the shipped files: checksums, versions, design, map; that models predict what is shipped")
+    sub = command(
+        "verify",
+        "check the shipped files: checksums, versions, design, map; that models predict what is "
+        "shipped",
+    )
     sub.set_defaults(run=_verify)
 
 
@@ -72,21 +108,32 @@ def _train_all(args) -> dict:
     check_number("--workers", workers, 1, 1024)
     folder = _folder(args)
     if args.map is not None and args.folder is None:
-        raise InputError("--map with --all needs --folder: artifacts/ holds what is computed from the shipped map alone")
+        raise InputError(
+            "--map with --all needs --folder: artifacts/ holds what is computed from the shipped "
+            "map alone"
+        )
     check_writable(folder, "what is trained")
     m = _map(args, folder)
     kinds = list(MODELS.values())
-    with tqdm(total=trainings(kinds, DIVISORS, range(seeds)), unit="training", smoothing=0.05) as bar:
-        written = rebuild(m, folder, models=kinds, seeds=range(seeds), workers=workers, progress=bar.update)
+    with tqdm(
+        total=trainings(kinds, DIVISORS, range(seeds)), unit="training", smoothing=0.05
+    ) as bar:
+        written = rebuild(
+            m, folder, models=kinds, seeds=range(seeds), workers=workers, progress=bar.update
+        )
     if not args.json:
-        print(f"{folder}: {len(written)} files and the manifest, {sum(written.values()) / 1e6:.2f} MB")
+        print(
+            f"{folder}: {len(written)} files and the manifest, {sum(written.values()) / 1e6:.2f} MB"
+        )
     return {"folder": str(folder), "files": written}
 
 
 def _train_one(args) -> dict:
     kind, seed = model(args.model), 0 if args.seed is None else args.seed
     if args.divisor is None:
-        raise InputError("--divisor is missing: train on n/DIVISOR of the cells, such as --divisor 2")
+        raise InputError(
+            "--divisor is missing: train on n/DIVISOR of the cells, such as --divisor 2"
+        )
     check_number("--divisor", args.divisor, 1, 100_000)
     check_number("--seed", seed, 0, 2**32 - 1)
     if args.out is not None:
@@ -102,20 +149,48 @@ def _train_one(args) -> dict:
             raise InputError(f"{error}; or give --out") from None
     else:
         path = Path(args.out)
-        noted = model_source(m, kind, args.divisor, seed) | describe(surrogate) | predictions(m, surrogate)
+        noted = (
+            model_source(m, kind, args.divisor, seed)
+            | describe(surrogate)
+            | predictions(m, surrogate)
+        )
         model_cache.write(path, dump(surrogate.estimator), noted)
     found = {k: v for k, v in errors(m, predicted).items() if k.endswith("held_out")}
     if not args.json:
-        told = f"; held-out RMSE {found['rmse_held_out']:.4f}, MAE {found['mae_held_out']:.4f} per revolution" if found else ""
-        print(f"{kind.label} trained on {surrogate.training_cells:,} cells in {surrogate.seconds:.2f} s{told}; kept in {path}")
-    return {"model": kind.name, "divisor": args.divisor, "seed": seed, "out": str(path), "bytes": path.stat().st_size,
-            "train_seconds": surrogate.seconds, "predict_seconds": predicted.predict_seconds} | describe(surrogate) | found
+        told = (
+            f"; held-out RMSE {found['rmse_held_out']:.4f}, MAE {found['mae_held_out']:.4f} per "
+            "revolution"
+            if found
+            else ""
+        )
+        print(
+            f"{kind.label} trained on {surrogate.training_cells:,} cells in "
+            f"{surrogate.seconds:.2f} s{told}; kept in {path}"
+        )
+    return (
+        {
+            "model": kind.name,
+            "divisor": args.divisor,
+            "seed": seed,
+            "out": str(path),
+            "bytes": path.stat().st_size,
+            "train_seconds": surrogate.seconds,
+            "predict_seconds": predicted.predict_seconds,
+        }
+        | describe(surrogate)
+        | found
+    )
 
 
 def _verify(args) -> dict:
     found = []
     for check in verify(_folder(args)):
-        found.append({"check": check.name, "passed": check.passed, "problem": check.problem or None})
+        found.append(
+            {"check": check.name, "passed": check.passed, "problem": check.problem or None}
+        )
         if not args.json:
-            print(f"ok    {check.name}" if check.passed else f"WRONG {check.name}: {check.problem}", flush=True)
+            print(
+                f"ok    {check.name}" if check.passed else f"WRONG {check.name}: {check.problem}",
+                flush=True,
+            )
     return {"passed": all(check["passed"] for check in found), "checks": found}

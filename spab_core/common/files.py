@@ -19,14 +19,27 @@ _T = TypeVar("_T")
 
 
 def check_output(path: str | os.PathLike, name: str) -> None:
-    """Raise :class:`InputError` unless ``path`` can become a regular file: a file or nothing yet, in a folder that exists."""
+    """Raise :class:`InputError` unless ``path`` can become a regular file: a file or nothing yet,
+    in a folder that exists.
+    """
     target = Path(path)
-    if "\0" in str(path) or not str(path) or not target.parent.is_dir() or (target.exists() and not target.is_file()):
-        raise InputError(f"{name} = {str(path)[:200]!r} cannot be written: give a file name in a folder that exists")
+    if (
+        "\0" in str(path)
+        or not str(path)
+        or not target.parent.is_dir()
+        or (target.exists() and not target.is_file())
+    ):
+        raise InputError(
+            f"{name} = {str(path)[:200]!r} cannot be written: give a file name in a folder that "
+            "exists"
+        )
 
 
 def write_atomically(path: str | os.PathLike, data: bytes) -> None:
-    """Write a whole file or nothing: to a temporary file beside it, then renamed over it. A link's target is replaced."""
+    """Write a whole file or nothing: to a temporary file beside it, then renamed over it.
+
+    A link's target is replaced.
+    """
     path = Path(path).resolve()
     # not tempfile's name: in a folder closed to us it would try another one for hours on Windows
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
@@ -47,7 +60,8 @@ _WAITS = (0.01, 0.03, 0.1, 0.3, 0.5)  # seconds
 
 
 def patiently(action: Callable[[], _T]) -> _T:
-    """Do something with a file, again within a second where it is denied: on Windows it is while others have the file open.
+    """Do something with a file, again within a second where it is denied: on Windows it is while
+    others have the file open.
 
     Parameters
     ----------
@@ -70,14 +84,19 @@ def patiently(action: Callable[[], _T]) -> _T:
 
 
 def check_writable(folder: Path, name: str) -> None:
-    """Raise ``InputError`` where no file can be made in a folder: before the work, not after it. ``name``: who needs it."""
+    """Raise ``InputError`` where no file can be made in a folder: before the work, not after it.
+
+    ``name``: who needs it.
+    """
     if folder.is_dir():
         trial = folder / f".{secrets.token_hex(4)}.tmp"
         try:  # os.access would not know of Windows' access lists
             trial.touch(exist_ok=False)
             trial.unlink()
         except OSError:
-            raise InputError(f"{name} cannot be written: the folder {folder} is read-only") from None
+            raise InputError(
+                f"{name} cannot be written: the folder {folder} is read-only"
+            ) from None
 
 
 def csv_bytes(table: pd.DataFrame) -> bytes:

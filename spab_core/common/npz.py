@@ -1,8 +1,8 @@
 """NPZ files: written the same to the byte, and read as what a stranger may have made.
 
-Nothing is unpickled. Sizes are known before memory is taken: a small file that unpacks to gigabytes, or an array whose header
-names more cells than the file holds, is refused by what its headers say.
-"""
+Nothing is unpickled. Sizes are known before memory is taken: a small file that unpacks to
+gigabytes, or an array whose header names more cells than the file holds, is refused by what its
+headers say."""
 
 from __future__ import annotations
 
@@ -21,19 +21,41 @@ from typing import Any
 
 import numpy as np
 
-MAX_BYTES = 500_000_000  # unpacked, all arrays together: a map or refinement of stability_map.MAX_CELLS has less
+# unpacked, all arrays together: a map or refinement of stability_map.MAX_CELLS has less
+MAX_BYTES = 500_000_000
 MAX_TEXT_BYTES = 20_000_000  # of one text, four bytes a character
 _DIRECTORY_BYTES = 1_000_000  # read in one go; the arrays are read in pieces of 2**18
 _KINDS = "biufUS"  # no objects, structures or times
-_PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # as numpy packs; of others no part can be unpacked alone
+_PACKED = (
+    zipfile.ZIP_STORED,
+    zipfile.ZIP_DEFLATED,
+)  # as numpy packs; of others no part can be unpacked alone
 
-# whatever numpy, zipfile, zlib and json raise for a file that is damaged or no NPZ, and numbers for what is no number
-UNREADABLE = (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error, tokenize.TokenError,
-              MemoryError, SyntaxError, TypeError, AttributeError, IndexError, OverflowError, struct.error)
+# whatever numpy, zipfile, zlib and json raise for a file that is damaged or no NPZ, and numbers for
+# what is no number
+UNREADABLE = (
+    OSError,
+    ValueError,
+    KeyError,
+    EOFError,
+    RuntimeError,
+    zipfile.BadZipFile,
+    zlib.error,
+    tokenize.TokenError,
+    MemoryError,
+    SyntaxError,
+    TypeError,
+    AttributeError,
+    IndexError,
+    OverflowError,
+    struct.error,
+)
 
 
 class _InPieces(io.BufferedReader):
-    """A file of which no more than a piece is read at once: the directory of a ZIP archive is as long as it says."""
+    """A file of which no more than a piece is read at once: the directory of a ZIP archive is as
+    long as it says.
+    """
 
     def read(self, size=-1, /):
         if size is not None and size > _DIRECTORY_BYTES:
@@ -52,7 +74,9 @@ class Npz:
         return name in self._names
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """An array; raises one of :data:`UNREADABLE` where it is not there or not what its header says."""
+        """An array; raises one of :data:`UNREADABLE` where it is not there or not what its header
+        says.
+        """
         if name not in self:
             raise ValueError(f"{name[:60]!r} is not in the file")
         return self._read(name, MAX_BYTES)
@@ -63,18 +87,29 @@ class Npz:
             version = np.lib.format.read_magic(file)
             if version not in ((1, 0), (2, 0)):
                 raise ValueError(f"{name[:60]!r} is written in an unknown way")
-            read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+            read = (
+                np.lib.format.read_array_header_1_0
+                if version == (1, 0)
+                else np.lib.format.read_array_header_2_0
+            )
             shape, _, dtype = read(file)
             if dtype.kind not in _KINDS:
                 raise ValueError(f"{name[:60]!r} holds neither numbers nor text")
-            wanted, there = math.prod(map(int, shape)) * max(dtype.itemsize, 1), member.file_size - file.tell()
+            wanted, there = (
+                math.prod(map(int, shape)) * max(dtype.itemsize, 1),
+                member.file_size - file.tell(),
+            )
             if any(length < 0 for length in shape) or wanted > min(there, most):
-                raise ValueError(f"{name[:60]!r} of shape {str(shape)[:60]} is larger than the file, or than allowed")
+                raise ValueError(
+                    f"{name[:60]!r} of shape {str(shape)[:60]} is larger than the file, or than "
+                    "allowed"
+                )
         with self._archive.open(member) as file:
             return np.lib.format.read_array(file, allow_pickle=False)
 
     def fitting(self, name: str, dtype: Any, shape: tuple[int, ...] | None = None) -> np.ndarray:
-        """An array of the kind of ``dtype``, as that, and of a shape: numbers are not spelt out, nor texts read as numbers.
+        """An array of the kind of ``dtype``, as that, and of a shape: numbers are not spelt out,
+        nor texts read as numbers.
 
         Raises
         ------
@@ -83,11 +118,15 @@ class Npz:
         """
         found = self[name]
         if found.dtype.kind != np.dtype(dtype).kind or (shape is not None and found.shape != shape):
-            raise ValueError(f"{name[:60]!r} of shape {str(found.shape)[:60]} does not fit the rest of the file")
+            raise ValueError(
+                f"{name[:60]!r} of shape {str(found.shape)[:60]} does not fit the rest of the file"
+            )
         return found.astype(dtype, copy=False)
 
     def json(self, name: str) -> Any:
-        """What a text says in JSON; raises as for an array, and for a text of more than :data:`MAX_TEXT_BYTES`."""
+        """What a text says in JSON; raises as for an array, and for a text of more than
+        :data:`MAX_TEXT_BYTES`.
+        """
         if name not in self:
             raise ValueError(f"{name[:60]!r} is not in the file")
         return json.loads(str(self._read(name, MAX_TEXT_BYTES)))
@@ -105,15 +144,17 @@ def open_npz(source: str | os.PathLike | bytes) -> Iterator[Npz]:
     Raises
     ------
     Exception
-        One of :data:`UNREADABLE`, as for every array read: for what is no NPZ file, is damaged, or would unpack to more than
-        :data:`MAX_BYTES`.
+        One of :data:`UNREADABLE`, as for every array read: for what is no NPZ file, is damaged, or
+        would unpack to more than :data:`MAX_BYTES`.
     """
     raw: io.RawIOBase
     if isinstance(source, bytes):
         raw = io.BytesIO(source)  # type: ignore[assignment]
     else:
         # not waiting for the other end of a pipe
-        raw = io.FileIO(source, opener=lambda path, flags: os.open(path, flags | getattr(os, "O_NONBLOCK", 0)))
+        raw = io.FileIO(
+            source, opener=lambda path, flags: os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+        )
         if not stat.S_ISREG(os.fstat(raw.fileno()).st_mode):
             raw.close()
             raise ValueError("it is no regular file")

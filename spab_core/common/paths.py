@@ -5,5 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent.parent
-# app.py, pages/, artifacts/ and docs/: packed into the package where it was installed from a wheel, else beside it
+# app.py, pages/, artifacts/ and docs/: packed into the package where it was installed from a wheel,
+# else beside it
 HOME = _PACKAGE / "dashboard" if (_PACKAGE / "dashboard").is_dir() else _PACKAGE.parent

@@ -1,4 +1,6 @@
-"""Folders of this user alone, outside the repository: where they lie, that nobody else enters them, reading files in them."""
+"""Folders of this user alone, outside the repository: where they lie, that nobody else enters them,
+reading files in them.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +13,24 @@ from spab_core.common.errors import InputError
 from spab_core.common.files import patiently
 
 _FLAGS = os.O_RDONLY
-for _name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY"):  # no link, no waiting for a pipe; not every system has all
+for _name in (
+    "O_NOFOLLOW",
+    "O_NONBLOCK",
+    "O_BINARY",
+):  # no link, no waiting for a pipe; not every system has all
     _FLAGS |= getattr(os, _name, 0)
 
 
-def wanted_folder(variable: str, base_variable: str, base: str, name: str, what: str,
-                  error: type[InputError] = InputError) -> Path:
-    """$``variable``, else $``base_variable``/``name`` or, on Windows, %LOCALAPPDATA%/``name``, else ~/``base``/``name``.
+def wanted_folder(
+    variable: str,
+    base_variable: str,
+    base: str,
+    name: str,
+    what: str,
+    error: type[InputError] = InputError,
+) -> Path:
+    """$``variable``, else $``base_variable``/``name`` or, on Windows, %LOCALAPPDATA%/``name``, else
+    ~/``base``/``name``.
 
     It may not exist.
 
@@ -34,35 +47,51 @@ def wanted_folder(variable: str, base_variable: str, base: str, name: str, what:
     try:
         return Path.home() / base / name
     except RuntimeError:
-        raise error(f"there is no home folder to keep {what} in: set {variable} to a folder of yours") from None
+        raise error(
+            f"there is no home folder to keep {what} in: set {variable} to a folder of yours"
+        ) from None
 
 
-def private_folder(path: Path, variable: str, what: str, error: type[InputError] = InputError) -> Path:
+def private_folder(
+    path: Path, variable: str, what: str, error: type[InputError] = InputError
+) -> Path:
     """The folder, made if need be with mode 0700.
 
     Raises
     ------
     error
-        Where it cannot be made or written, is no folder, belongs to someone else, or others can enter it.
+        Where it cannot be made or written, is no folder, belongs to someone else, or others can
+        enter it.
     """
     try:
         path.mkdir(parents=True, exist_ok=True, mode=0o700)
         found = path.lstat()
         writable = os.access(path, os.W_OK | os.X_OK)
     except (OSError, ValueError) as problem:
-        raise error(f"{what} cannot be kept in {path} ({getattr(problem, 'strerror', None) or problem}): set {variable} to "
-                    "a folder of yours") from None
+        raise error(
+            f"{what} cannot be kept in {path} ({getattr(problem, 'strerror', None) or problem}): "
+            f"set {variable} to "
+            "a folder of yours"
+        ) from None
     if not stat.S_ISDIR(found.st_mode) or not writable:
-        raise error(f"{what} cannot be kept in {path}: it is no folder that can be written; set {variable} to one")
+        raise error(
+            f"{what} cannot be kept in {path}: it is no folder that can be written; set "
+            f"{variable} to one"
+        )
     if not _private(found):
-        raise error(f"{what} are not kept in {path}: it must be yours alone (chmod 700); or set {variable} to a folder "
-                    "that is")
+        raise error(
+            f"{what} are not kept in {path}: it must be yours alone (chmod 700); or set "
+            f"{variable} to a folder "
+            "that is"
+        )
     return path
 
 
 def _private(found: os.stat_result) -> bool:
     if not hasattr(os, "getuid"):
-        return True  # Windows: a profile's folders are the user's by their access lists; those of others are not looked at
+        # Windows: a profile's folders are the user's by their access lists; those of others are not
+        # looked at
+        return True
     return found.st_uid == os.getuid() and not found.st_mode & 0o077
 
 
@@ -72,7 +101,9 @@ def own_bytes(path: Path, limit: int) -> bytes:
         raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
     with os.fdopen(patiently(lambda: os.open(path, _FLAGS)), "rb") as file:
         found = os.fstat(file.fileno())
-        if not stat.S_ISREG(found.st_mode) or (hasattr(os, "getuid") and found.st_uid != os.getuid()):
+        if not stat.S_ISREG(found.st_mode) or (
+            hasattr(os, "getuid") and found.st_uid != os.getuid()
+        ):
             raise PermissionError(0, "it is no regular file of yours")
         if found.st_size > limit:
             raise OSError(0, f"it has more than {limit} bytes")

@@ -11,10 +11,14 @@ import psutil
 
 
 def end_with_parent(parent: int) -> None:
-    """First thing in a worker process: see to it that it ends with the one that started it, which may be killed."""
+    """First thing in a worker process: see to it that it ends with the one that started it, which
+    may be killed.
+    """
+
     def watch() -> None:
         with contextlib.suppress(psutil.NoSuchProcess):
-            # by number and time of start: Windows tells a dead parent's number for ever, and gives it to others
+            # by number and time of start: Windows tells a dead parent's number for ever, and gives
+            # it to others
             process = psutil.Process(parent)
             while process.is_running() and process.status() != psutil.STATUS_ZOMBIE:
                 time.sleep(1.0)

@@ -1,7 +1,8 @@
-"""A hash of source code by what it says: the same however it is laid out, wherever its files stand, on every Python.
+"""A hash of source code by what it says: the same however it is laid out, wherever its files stand,
+on every Python.
 
-For models and results kept on disk: they stay good where code is reformatted, commented or moved, and on another Python.
-"""
+For models and results kept on disk: they stay good where code is reformatted, commented or moved,
+and on another Python."""
 
 from __future__ import annotations
 
@@ -9,19 +10,29 @@ import ast
 import hashlib
 from collections.abc import Iterable
 
-_SILENT = {"ctx", "kind", "type_comment", "type_params"}  # said by the place, spelling, or new in later Pythons
+_SILENT = {
+    "ctx",
+    "kind",
+    "type_comment",
+    "type_params",
+}  # said by the place, spelling, or new in later Pythons
 
 
 def _left_out(node: object) -> bool:
-    """Statements that say where code stands or what a reader wants to know: imports, docstrings, the part run as a script."""
+    """Statements that say where code stands or what a reader wants to know: imports, docstrings,
+    the part run as a script.
+    """
     if isinstance(node, ast.If):
         return ast.unparse(node.test).replace('"', "'") == "__name__ == '__main__'"
     return isinstance(node, (ast.Import, ast.ImportFrom)) or (
-        isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant))
+        isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+    )
 
 
 def _pieces(values: list) -> list:
-    """Parts of an f-string; texts beside one another are one, empty ones none: Pythons cut them differently."""
+    """Parts of an f-string; texts beside one another are one, empty ones none: Pythons cut them
+    differently.
+    """
     joined: list = [""]
     for value in values:
         if not isinstance(value, ast.Constant):
@@ -36,7 +47,11 @@ def _canonical(node: object) -> str:
         return f"[{','.join(_canonical(item) for item in node if not _left_out(item))}]"
     if not isinstance(node, ast.AST):
         return f"{type(node).__name__}:{node!r}"
-    said = {name: value for name, value in ast.iter_fields(node) if name not in _SILENT and value not in (None, [])}
+    said = {
+        name: value
+        for name, value in ast.iter_fields(node)
+        if name not in _SILENT and value not in (None, [])
+    }
     if isinstance(node, ast.JoinedStr):
         said["values"] = _pieces(node.values)
     return f"{type(node).__name__}({','.join(f'{name}={_canonical(said[name])}' for name in sorted(said))})"
@@ -45,7 +60,8 @@ def _canonical(node: object) -> str:
 def source_hash(sources: Iterable[bytes]) -> str:
     """Hash Python sources by their top-level statements, in whatever files and order these stand.
 
-    Comments, docstrings, layout, imports and what runs under ``if __name__ == "__main__"`` count for nothing.
+    Comments, docstrings, layout, imports and what runs under ``if __name__ == "__main__"`` count
+    for nothing.
 
     Parameters
     ----------
@@ -62,5 +78,10 @@ def source_hash(sources: Iterable[bytes]) -> str:
     SyntaxError
         For a source that is no Python.
     """
-    statements = sorted(_canonical(node) for source in sources for node in ast.parse(source).body if not _left_out(node))
+    statements = sorted(
+        _canonical(node)
+        for source in sources
+        for node in ast.parse(source).body
+        if not _left_out(node)
+    )
     return hashlib.sha256("\n".join(statements).encode("utf-8", "surrogatepass")).hexdigest()

@@ -1,9 +1,9 @@
-"""The design as a form: one schema of every design value in the units of a drawing, with an exact way there and back.
+"""The design as a form: one schema of every design value in the units of a drawing, with an exact
+way there and back.
 
-Label, symbol, form unit and group stand here; meaning, SI unit and allowed range are those of the dataclass fields in
-:mod:`spab_core.design.model`. A form unit is a power of ten of the SI unit, so that a number of up to 15 digits keeps its digits both
-ways: the decimal point alone moves.
-"""
+Label, symbol, form unit and group stand here; meaning, SI unit and allowed range are those of the
+dataclass fields in :mod:`spab_core.design.model`. A form unit is a power of ten of the SI unit, so
+that a number of up to 15 digits keeps its digits both ways: the decimal point alone moves."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from spab_core.design.limits import BEARING_NUMBER_RANGE
 from spab_core.design.model import Bearing, Contact, Design, Gas, Rotor
 
 GRADE_RANGE = (1e-3, 4000.0)  # mm/s; ISO 21940-11 names grades from G 0.4 to G 4000
-RATIO_DIGITS = 12  # of a pressure that is a ratio in the design; enough to hold every reading, and below rounding
+# of a pressure that is a ratio in the design; enough to hold every reading, and below rounding
+RATIO_DIGITS = 12
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,8 @@ class FormField:
         One of :data:`GROUPS`.
     help : str
     low, high : float
-        Allowed range in form units; for a pressure that is a ratio in the design, over the ambient pressure.
+        Allowed range in form units; for a pressure that is a ratio in the design, over the ambient
+        pressure.
     infinite, open_low : bool
         Whether infinity is allowed; whether ``low`` itself is not.
     over_ambient : bool
@@ -105,9 +107,23 @@ def _fields() -> dict[str, FormField]:
             if over_ambient:
                 text += f". The ratio may be {shown}"
             else:
-                text += f". From {'above ' if m['open_low'] else ''}{shown}" + (", or rigid" if m["infinite"] else "")
-            found[name] = FormField(name, label, symbol, unit, power, group, f"{text}.", low, high, m["infinite"],
-                                    m["open_low"], over_ambient)
+                text += f". From {'above ' if m['open_low'] else ''}{shown}" + (
+                    ", or rigid" if m["infinite"] else ""
+                )
+            found[name] = FormField(
+                name,
+                label,
+                symbol,
+                unit,
+                power,
+                group,
+                f"{text}.",
+                low,
+                high,
+                m["infinite"],
+                m["open_low"],
+                over_ambient,
+            )
     return found
 
 
@@ -132,30 +148,45 @@ def from_form(values: Mapping[str, float], base: Design | None = None) -> Design
     Parameters
     ----------
     values : mapping
-        In form units, by the names of :data:`FIELDS`; the design values left out are those of ``base``.
+        In form units, by the names of :data:`FIELDS`; the design values left out are those of
+        ``base``.
     base : Design, optional
-        The design the form was filled from: a number that still is what :func:`to_form` gave keeps its value to the last bit,
-        so that ``from_form(to_form(d), d) == d`` for every design. Left out: the reference design.
+        The design the form was filled from: a number that still is what :func:`to_form` gave keeps
+        its value to the last bit, so that ``from_form(to_form(d), d) == d`` for every design. Left
+        out: the reference design.
 
     Raises
     ------
     DesignError
-        For a name that does not exist or a value out of range; the message speaks the form's labels and units.
+        For a name that does not exist or a value out of range; the message speaks the form's labels
+        and units.
     """
     base = Design() if base is None else base
     shown, changes = to_form(base), dict[str, float]()
     for name in values:
         if name not in FIELDS:
             raise DesignError(f"there is no form field {str(name)[:60]!r}")
-    for name in sorted(values, key=lambda name: FIELDS[name].over_ambient):  # the ambient pressure before what is over it
+    for name in sorted(
+        values, key=lambda name: FIELDS[name].over_ambient
+    ):  # the ambient pressure before what is over it
         field, value, scale = FIELDS[name], values[name], 1.0
         if value == shown[name] and not (field.over_ambient and AMBIENT in changes):
             continue
         if field.over_ambient:
             scale = changes.get(AMBIENT, base.gas.ambient_pressure)
-        low, high = (_shift(limit * scale, -field.power) if field.over_ambient else limit for limit in (field.low, field.high))
-        number = check_number(f"{field.label} {field.symbol}", value, low, high, field.unit, infinite=field.infinite,
-                              open_low=field.open_low)
+        low, high = (
+            _shift(limit * scale, -field.power) if field.over_ambient else limit
+            for limit in (field.low, field.high)
+        )
+        number = check_number(
+            f"{field.label} {field.symbol}",
+            value,
+            low,
+            high,
+            field.unit,
+            infinite=field.infinite,
+            open_low=field.open_low,
+        )
         changes[name] = _shift(number, field.power)
         if field.over_ambient:  # the limits themselves survive the division
             changes[name] = min(max(changes[name] / scale, field.low), field.high)
@@ -165,8 +196,9 @@ def from_form(values: Mapping[str, float], base: Design | None = None) -> Design
 def eccentricity_of_grade(grade: float, speed_rpm: float, journal_mass_fraction: float) -> float:
     """Eccentricity of the disc's mass centre at a balance quality grade of ISO 21940-11:2016.
 
-    The grade is e_per ω: permissible residual specific unbalance e_per = U_per/m, with m the mass of the whole rotor, times the
-    angular speed. The disc alone is unbalanced here and has the share 1 - μ_j of the mass: e_u = G / (ω (1 - μ_j)).
+    The grade is e_per ω: permissible residual specific unbalance e_per = U_per/m, with m the mass
+    of the whole rotor, times the angular speed. The disc alone is unbalanced here and has the share
+    1 - μ_j of the mass: e_u = G / (ω (1 - μ_j)).
 
     Parameters
     ----------
@@ -192,12 +224,18 @@ def eccentricity_of_grade(grade: float, speed_rpm: float, journal_mass_fraction:
     return 1e-3 * grade / (speed_rpm * math.pi / 30.0) / (1.0 - journal_mass_fraction)
 
 
-def grade_of_eccentricity(eccentricity: float, speed_rpm: float, journal_mass_fraction: float) -> float:
-    """Balance quality grade G in mm/s of an eccentricity in m: the inverse of :func:`eccentricity_of_grade`."""
+def grade_of_eccentricity(
+    eccentricity: float, speed_rpm: float, journal_mass_fraction: float
+) -> float:
+    """Balance quality grade G in mm/s of an eccentricity in m: the inverse of
+    :func:`eccentricity_of_grade`.
+    """
     return 1e3 * eccentricity * (1.0 - journal_mass_fraction) * (speed_rpm * math.pi / 30.0)
 
 
-def bearing_number_of(design: Design, bearing_number: float | None, speed_rpm: float | None) -> float:
+def bearing_number_of(
+    design: Design, bearing_number: float | None, speed_rpm: float | None
+) -> float:
     """The bearing number, given as such or by the shaft speed in rpm: exactly one of both.
 
     Raises
@@ -210,5 +248,7 @@ def bearing_number_of(design: Design, bearing_number: float | None, speed_rpm: f
     if speed_rpm is None:
         return check_number("bearing number", bearing_number, *BEARING_NUMBER_RANGE)
     low, high = (design.speed_rpm(limit) for limit in BEARING_NUMBER_RANGE)
-    number = design.bearing_number(check_number("speed", speed_rpm, low, high, "rpm") * math.pi / 30.0)
+    number = design.bearing_number(
+        check_number("speed", speed_rpm, low, high, "rpm") * math.pi / 30.0
+    )
     return min(max(number, BEARING_NUMBER_RANGE[0]), BEARING_NUMBER_RANGE[1])

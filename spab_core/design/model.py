@@ -1,7 +1,8 @@
-"""A rotor on spherical porous gas bearings, in SI units: what the designer draws, checked, and its dimensionless groups.
+"""A rotor on spherical porous gas bearings, in SI units: what the designer draws, checked, and its
+dimensionless groups.
 
-The unit of every dimensionless quantity: lengths over the radial clearance C, pressures over the ambient pressure p_a,
-forces over p_a R², time as the shaft angle tau = omega t. See docs/model.md.
+The unit of every dimensionless quantity: lengths over the radial clearance C, pressures over the
+ambient pressure p_a, forces over p_a R², time as the shaft angle tau = omega t. See docs/model.md.
 """
 
 from __future__ import annotations
@@ -21,16 +22,19 @@ from spab_core.common.validation import check_number
 MAX_FEEDING_NUMBER = 1e6  # far below, the wall holds the whole film at the supply pressure
 
 
-
-
-
-
 def _number(default, unit, low, high, text, *, infinite=False, open_low=False):
-    """A dataclass field with its unit and allowed range, read by :meth:`_Checked.__post_init__` and by forms."""
-    metadata = {"unit": unit, "low": low, "high": high, "text": text, "infinite": infinite, "open_low": open_low}
+    """A dataclass field with its unit and allowed range, read by :meth:`_Checked.__post_init__` and
+    by forms.
+    """
+    metadata = {
+        "unit": unit,
+        "low": low,
+        "high": high,
+        "text": text,
+        "infinite": infinite,
+        "open_low": open_low,
+    }
     return field(default=default, metadata=metadata)
-
-
 
 
 @dataclass(frozen=True)
@@ -38,8 +42,15 @@ class _Checked:
     def __post_init__(self):
         for f in fields(self):
             m = f.metadata
-            number = check_number(f"{type(self).__name__.lower()}.{f.name}", getattr(self, f.name), m["low"], m["high"],
-                                  m["unit"], infinite=m["infinite"], open_low=m["open_low"])
+            number = check_number(
+                f"{type(self).__name__.lower()}.{f.name}",
+                getattr(self, f.name),
+                m["low"],
+                m["high"],
+                m["unit"],
+                infinite=m["infinite"],
+                open_low=m["open_low"],
+            )
             object.__setattr__(self, f.name, number)
 
 
@@ -47,26 +58,35 @@ class _Checked:
 class Bearing(_Checked):
     """The spherical band |latitude| <= edge_latitude and its porous wall.
 
-    Real ones leave room to the limits: clearances of 3 to 100 µm on radii of 5 to 300 mm, walls of carbon or bronze of 1 to
-    20 mm with permeabilities of 1e-16 to 1e-12 m2, feeding numbers of 0.01 to 1e4.
-    """
+    Real ones leave room to the limits: clearances of 3 to 100 µm on radii of 5 to 300 mm, walls of
+    carbon or bronze of 1 to 20 mm with permeabilities of 1e-16 to 1e-12 m2, feeding numbers of 0.01
+    to 1e4."""
 
     radius: float = _number(0.060, "m", 1e-3, 1.0, "sphere radius R")
     clearance: float = _number(35e-6, "m", 1e-6, 1e-3, "radial clearance C")
     edge_latitude: float = _number(30.0, "deg", 1.0, 89.5, "latitude of the open edges")
     permeability: float = _number(1.44e-15, "m2", 0.0, 1e-11, "permeability of the porous wall")
     wall_thickness: float = _number(4.5e-3, "m", 1e-4, 0.1, "thickness of the porous wall")
-    supply_pressure_ratio: float = _number(1.0, "", 0.1, 100.0, "supply pressure over ambient (1: open to ambient)")
+    supply_pressure_ratio: float = _number(
+        1.0, "", 0.1, 100.0, "supply pressure over ambient (1: open to ambient)"
+    )
 
     def __post_init__(self):
         super().__post_init__()
         if self.clearance > 0.05 * self.radius:
-            raise DesignError(f"bearing.clearance = {self.clearance:g} m is out of range: the thin-film equation needs "
-                              f"at most a twentieth of the radius, {0.05 * self.radius:g} m")
+            raise DesignError(
+                f"bearing.clearance = {self.clearance:g} m is out of range: the thin-film "
+                "equation needs "
+                f"at most a twentieth of the radius, {0.05 * self.radius:g} m"
+            )
         if not self.feeding_number <= MAX_FEEDING_NUMBER:
-            raise DesignError(f"bearing.permeability = {self.permeability:g} m2 is out of range for this radius, clearance and "
-                              f"wall thickness: the feeding number 6 kappa R²/(H_p C³) would be {self.feeding_number:.3g}; "
-                              f"allowed is at most {MAX_FEEDING_NUMBER:g}")
+            raise DesignError(
+                f"bearing.permeability = {self.permeability:g} m2 is out of range for this "
+                "radius, clearance and "
+                "wall thickness: the feeding number 6 kappa R²/(H_p C³) would be "
+                f"{self.feeding_number:.3g}; "
+                f"allowed is at most {MAX_FEEDING_NUMBER:g}"
+            )
 
     @property
     def feeding_number(self) -> float:
@@ -86,9 +106,15 @@ class Gas(_Checked):
 class Rotor(_Checked):
     """Disc and journal on an elastic shaft; the rotor mass itself is an operating parameter."""
 
-    shaft_stiffness: float = _number(5.0e7, "N/m", 1e3, 1e12, "shaft stiffness (inf: rigid rotor)", infinite=True)
-    journal_mass_fraction: float = _number(0.2, "", 0.01, 0.99, "share of the rotor mass that rides in the journal")
-    unbalance_eccentricity: float = _number(13e-6, "m", 0.0, 1e-3, "eccentricity of the disc's mass centre")
+    shaft_stiffness: float = _number(
+        5.0e7, "N/m", 1e3, 1e12, "shaft stiffness (inf: rigid rotor)", infinite=True
+    )
+    journal_mass_fraction: float = _number(
+        0.2, "", 0.01, 0.99, "share of the rotor mass that rides in the journal"
+    )
+    unbalance_eccentricity: float = _number(
+        13e-6, "m", 0.0, 1e-3, "eccentricity of the disc's mass centre"
+    )
     gravity: float = _number(9.81, "m/s2", 0.0, 1e3, "gravity, along -Y")
 
 
@@ -105,9 +131,13 @@ class Contact(_Checked):
         super().__post_init__()
         at_centre = self.force_at_closure * math.exp(-1.0 / self.roughness)
         if at_centre > 1e-9:
-            raise DesignError(f"contact.roughness = {self.roughness:g} is out of range for contact.force_at_closure = "
-                              f"{self.force_at_closure:g}: the contact force at the centre, f0 exp(-1/s), would be "
-                              f"{at_centre:.2g}; allowed is at most 1e-09")
+            raise DesignError(
+                f"contact.roughness = {self.roughness:g} is out of range for "
+                "contact.force_at_closure = "
+                f"{self.force_at_closure:g}: the contact force at the centre, f0 exp(-1/s), would "
+                "be "
+                f"{at_centre:.2g}; allowed is at most 1e-09"
+            )
 
 
 @dataclass(frozen=True)
@@ -157,7 +187,12 @@ class Design:
     def speed(self, bearing_number: float) -> float:
         """Shaft speed omega in rad/s at the bearing number Lambda = (6 mu omega / p_a) (R/C)²."""
         b, g = self.bearing, self.gas
-        return bearing_number * g.ambient_pressure / (6.0 * g.viscosity) * (b.clearance / b.radius) ** 2
+        return (
+            bearing_number
+            * g.ambient_pressure
+            / (6.0 * g.viscosity)
+            * (b.clearance / b.radius) ** 2
+        )
 
     def speed_rpm(self, bearing_number: float) -> float:
         """Shaft speed in revolutions per minute."""
@@ -169,7 +204,9 @@ class Design:
 
     def mass_number(self, rotor_mass: float, bearing_number: float) -> float:
         """M = m_r C omega² / (p_a R²), ``rotor_mass`` in kg on one bearing."""
-        return rotor_mass * self.bearing.clearance * self.speed(bearing_number) ** 2 / self.force_unit
+        return (
+            rotor_mass * self.bearing.clearance * self.speed(bearing_number) ** 2 / self.force_unit
+        )
 
     def load_number(self, rotor_mass: float) -> float:
         """W = m_r g / (p_a R²), ``rotor_mass`` in kg on one bearing."""
@@ -188,7 +225,9 @@ class Design:
             if section not in _SECTIONS or key not in {f.name for f in fields(_SECTIONS[section])}:
                 raise DesignError(f"there is no design value {name!r}")
             parts.setdefault(section, {})[key] = value
-        return dataclasses.replace(self, **{s: dataclasses.replace(getattr(self, s), **v) for s, v in parts.items()})
+        return dataclasses.replace(
+            self, **{s: dataclasses.replace(getattr(self, s), **v) for s, v in parts.items()}
+        )
 
     def to_dict(self) -> dict[str, dict[str, float]]:
         """Nested plain dictionary, section by section, as in the TOML file."""
@@ -208,19 +247,25 @@ class Design:
         parts = {}
         for section, values in data.items():
             if section not in _SECTIONS:
-                raise DesignError(f"unknown section {str(section)[:60]!r}: allowed are {', '.join(_SECTIONS)}")
+                raise DesignError(
+                    f"unknown section {str(section)[:60]!r}: allowed are {', '.join(_SECTIONS)}"
+                )
             known = [f.name for f in fields(_SECTIONS[section])]
             if not isinstance(values, dict):
                 raise DesignError(f"[{section}] must be a section with the keys {', '.join(known)}")
             for key in values:
                 if key not in known:
-                    raise DesignError(f"unknown key {str(key)[:60]!r} in [{section}]: allowed are {', '.join(known)}")
+                    raise DesignError(
+                        f"unknown key {str(key)[:60]!r} in [{section}]: allowed are "
+                        f"{', '.join(known)}"
+                    )
             parts[section] = _SECTIONS[section](**values)
         return cls(**parts)
 
 
 _SECTIONS = {"bearing": Bearing, "gas": Gas, "rotor": Rotor, "contact": Contact}
-MAX_DESIGN_BYTES = 20_000  # tomllib takes time and memory by the square of a dotted key's length: 0.4 GB for this one
+# tomllib takes time and memory by the square of a dotted key's length: 0.4 GB for this one
+MAX_DESIGN_BYTES = 20_000
 
 
 def _check_length(content: str | bytes) -> None:
@@ -229,7 +274,10 @@ def _check_length(content: str | bytes) -> None:
 
 
 def parse_design(text: str) -> Design:
-    """Read a design from TOML text (docs/model.md). Raises :class:`DesignError`, also for a text that is too long."""
+    """Read a design from TOML text (docs/model.md).
+
+    Raises :class:`DesignError`, also for a text that is too long.
+    """
     _check_length(text)
     try:
         return Design.from_dict(tomllib.loads(text))
@@ -255,13 +303,18 @@ def read_design_bytes(data: bytes, name: str = "file") -> Design:
 
 
 def load_design(path: str | os.PathLike) -> Design:
-    """Read a design file. Raises :class:`DesignError` as :func:`read_design_bytes`, and where the file cannot be read."""
+    """Read a design file.
+
+    Raises :class:`DesignError` as :func:`read_design_bytes`, and where the file cannot be read.
+    """
     try:
         with Path(path).open("rb") as file:
             data = file.read(MAX_DESIGN_BYTES + 1)
     except (OSError, ValueError) as error:  # a null byte in the path
         raise DesignError(
-            f"cannot read the design file {str(path)[:200]!r}: {getattr(error, 'strerror', None) or error}") from None
+            f"cannot read the design file {str(path)[:200]!r}: "
+            f"{getattr(error, 'strerror', None) or error}"
+        ) from None
     return read_design_bytes(data, str(path))
 
 
@@ -271,8 +324,11 @@ def design_toml(design: Design) -> str:
     for section, values in design.to_dict().items():
         meta = {f.name: f.metadata for f in fields(_SECTIONS[section])}
         lines.append(f"[{section}]")
-        lines += [f"{key} = {value!r}  # {(meta[key]['unit'] + ', ') if meta[key]['unit'] else ''}{meta[key]['text']}"
-                  for key, value in values.items()]
+        lines += [
+            f"{key} = {value!r}  # "
+            f"{(meta[key]['unit'] + ', ') if meta[key]['unit'] else ''}{meta[key]['text']}"
+            for key, value in values.items()
+        ]
         lines.append("")
     return "\n".join(lines)
 
@@ -282,14 +338,8 @@ def save_design(design: Design, path: str | os.PathLike) -> None:
     write_atomically(path, design_toml(design).encode())
 
 
-
-
-
-
-
-
-
-
 def reference_design() -> Design:
     """The reference design "SPAB-60" (docs/model.md)."""
-    return parse_design(resources.files("spab_core").joinpath("design/data/spab60.toml").read_text("utf-8"))
+    return parse_design(
+        resources.files("spab_core").joinpath("design/data/spab60.toml").read_text("utf-8")
+    )

@@ -34,18 +34,47 @@ class Preset:
     @property
     def design(self) -> Design:
         """The design, read from its file."""
-        return parse_design(resources.files("spab_core").joinpath(f"design/data/{self.name}.toml").read_text("utf-8"))
+        return parse_design(
+            resources.files("spab_core")
+            .joinpath(f"design/data/{self.name}.toml")
+            .read_text("utf-8")
+        )
 
 
-PRESETS = {p.name: p for p in (
-    Preset("spab60", "SPAB-60, reference", "Self-acting, R 60 mm: the design of the shipped map, with all regimes in its plane",
-           4.52, 10_000.0),
-    Preset("fed_spindle", "Fed porous spindle", "R 40 mm fed with 6 bar, stiff and light: whirl only at high speed or mass",
-           4.0, 20_000.0),
-    Preset("small_high_speed", "Small high-speed", "R 10 mm fed with 4 bar, a rotor of 50 g at 60,000 rpm", 0.05, 60_000.0),
-    Preset("rigid_balanced", "Rigid balanced", "R 60 mm fed with 5 bar, rigid and without unbalance: what linear theory treats "
-           "exactly", 5.0, 15_000.0),
-)}
+PRESETS = {
+    p.name: p
+    for p in (
+        Preset(
+            "spab60",
+            "SPAB-60, reference",
+            "Self-acting, R 60 mm: the design of the shipped map, with all regimes in its plane",
+            4.52,
+            10_000.0,
+        ),
+        Preset(
+            "fed_spindle",
+            "Fed porous spindle",
+            "R 40 mm fed with 6 bar, stiff and light: whirl only at high speed or mass",
+            4.0,
+            20_000.0,
+        ),
+        Preset(
+            "small_high_speed",
+            "Small high-speed",
+            "R 10 mm fed with 4 bar, a rotor of 50 g at 60,000 rpm",
+            0.05,
+            60_000.0,
+        ),
+        Preset(
+            "rigid_balanced",
+            "Rigid balanced",
+            "R 60 mm fed with 5 bar, rigid and without unbalance: what linear theory treats "
+            "exactly",
+            5.0,
+            15_000.0,
+        ),
+    )
+}
 
 
 def preset(name: str) -> Preset:

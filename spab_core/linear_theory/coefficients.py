@@ -1,15 +1,16 @@
-"""The bearing's eight linearised coefficients: stiffness and damping at the static equilibrium, against whirl frequency.
+"""The bearing's eight linearised coefficients: stiffness and damping at the static equilibrium,
+against whirl frequency.
 
-The linearised film is s' = A s + D q with the journal's displacement q, its force on the journal B s + E q. At the complex
-frequency p (per unit tau) the film states are eliminated exactly,
+The linearised film is s' = A s + D q with the journal's displacement q, its force on the journal B
+s + E q. At the complex frequency p (per unit tau) the film states are eliminated exactly,
 
     F = -Z(p) q,   Z(p) = -E - p G - B (p I - A)^-1 D,   Z(i nu) = K(nu) + i nu C(nu)
 
-(a Schur complement; for the eight coefficients see J. W. Lund, J. Tribology 109, 1987, pp. 37-41). In a gas film they depend
-on the frequency, because the gas is compressed. G is the damping of the asperities, zero where the journal is clear of the
-wall. A, B, D, E come from the compiled tangent of the very equations that are integrated in time, so the rotor on Z(p) has
-the eigenvalues of :func:`spab_core.linear_theory.whirl.linear_spectrum`.
-"""
+(a Schur complement; for the eight coefficients see J. W. Lund, J. Tribology 109, 1987, pp. 37-41).
+In a gas film they depend on the frequency, because the gas is compressed. G is the damping of the
+asperities, zero where the journal is clear of the wall. A, B, D, E come from the compiled tangent
+of the very equations that are integrated in time, so the rotor on Z(p) has the eigenvalues of
+:func:`spab_core.linear_theory.whirl.linear_spectrum`."""
 
 from __future__ import annotations
 
@@ -31,7 +32,9 @@ from spab_core.solver.slope import slope_and_jacobian
 WHIRL_RANGE = (0.0, 1000.0)  # whirl frequency over the shaft speed
 LEAST_STABLE = "least-stable"  # in place of a whirl ratio: that of the rotor itself
 SLOWEST_WHIRL = 1e-6  # likewise; below it nothing oscillates
-NAMES = tuple(f"{kind}{i}{j}" for kind in "kc" for i in "xy" for j in "xy")  # the order of ROSS and of tables here
+NAMES = tuple(
+    f"{kind}{i}{j}" for kind in "kc" for i in "xy" for j in "xy"
+)  # the order of ROSS and of tables here
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,10 @@ class Impedance:
         The disc is eliminated: it loads the journal with K - K²/(M_1 p² + K) (docs/model.md).
         """
         d = self.design
-        mass, share = d.mass_number(self.rotor_mass, self.bearing_number), d.rotor.journal_mass_fraction
+        mass, share = (
+            d.mass_number(self.rotor_mass, self.bearing_number),
+            d.rotor.journal_mass_fraction,
+        )
         if d.rigid:
             inertia = mass * p * p
         else:
@@ -91,7 +97,8 @@ class Impedance:
 
 @dataclass(frozen=True)
 class Coefficients:
-    """The eight coefficients over a range of whirl frequencies at one shaft speed, or of shaft speeds.
+    """The eight coefficients over a range of whirl frequencies at one shaft speed, or of shaft
+    speeds.
 
     Attributes
     ----------
@@ -125,8 +132,13 @@ class Coefficients:
 
 
 @one_thread
-def impedance(design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = DEFAULT_MESH,
-              guess: np.ndarray | None = None) -> Impedance | None:
+def impedance(
+    design: Design,
+    rotor_mass: float,
+    bearing_number: float,
+    mesh: Mesh = DEFAULT_MESH,
+    guess: np.ndarray | None = None,
+) -> Impedance | None:
     """Linearise the bearing about its static equilibrium.
 
     Parameters
@@ -149,20 +161,35 @@ def impedance(design: Design, rotor_mass: float, bearing_number: float, mesh: Me
         equilibrium = static_equilibrium(design, rotor_mass, bearing_number, mesh)
     if equilibrium is None:
         return None
-    film, rotor = build_film(design, bearing_number, mesh), build_rotor(design, rotor_mass, bearing_number)
+    film, rotor = (
+        build_film(design, bearing_number, mesh),
+        build_rotor(design, rotor_mass, bearing_number),
+    )
     cells, n = film_index(film).ravel(), film_size(film)
     journal = n + np.array([0, 1, 4, 5])
-    _, jacobian = slope_and_jacobian(film, rotor, equilibrium.state, np.concatenate([cells, journal]))
-    m, force = len(cells), jacobian[n + 4:n + 6] / rotor.inverse_mass
+    _, jacobian = slope_and_jacobian(
+        film, rotor, equilibrium.state, np.concatenate([cells, journal])
+    )
+    m, force = len(cells), jacobian[n + 4 : n + 6] / rotor.inverse_mass
     shaft = rotor.coupling_journal / rotor.inverse_mass
-    return Impedance(design, float(rotor_mass), float(bearing_number), mesh, equilibrium, film=jacobian[cells, :m],
-                     drive=jacobian[cells, m:m + 2], pickup=force[:, :m], direct=force[:, m:m + 2] + shaft * np.eye(2),
-                     wall_damping=force[:, m + 2:])
+    return Impedance(
+        design,
+        float(rotor_mass),
+        float(bearing_number),
+        mesh,
+        equilibrium,
+        film=jacobian[cells, :m],
+        drive=jacobian[cells, m : m + 2],
+        pickup=force[:, :m],
+        direct=force[:, m : m + 2] + shaft * np.eye(2),
+        wall_damping=force[:, m + 2 :],
+    )
 
 
 @one_thread
 def coefficients(at: Impedance, whirl_ratios: Sequence[float] | np.ndarray) -> Coefficients:
-    """Stiffness and damping at whirl frequencies, given over the shaft speed; 0 is the static limit of both.
+    """Stiffness and damping at whirl frequencies, given over the shaft speed; 0 is the static limit
+    of both.
 
     Raises
     ------
@@ -171,14 +198,26 @@ def coefficients(at: Impedance, whirl_ratios: Sequence[float] | np.ndarray) -> C
     """
     ratios = np.array([check_number("whirl ratio", float(v), *WHIRL_RANGE) for v in whirl_ratios])
     z = np.array([at.at(1j * v) for v in ratios]).reshape(-1, 2, 2)
-    damping = np.array([at._static_damping() if v == 0.0 else value.imag / v for v, value in zip(ratios, z, strict=True)])
+    damping = np.array(
+        [
+            at._static_damping() if v == 0.0 else value.imag / v
+            for v, value in zip(ratios, z, strict=True)
+        ]
+    )
     speed, unit = at.design.speed(at.bearing_number), at.design.stiffness_unit
-    return Coefficients(np.full(len(ratios), speed), ratios, z.real * unit, damping.reshape(-1, 2, 2) * unit / speed)
+    return Coefficients(
+        np.full(len(ratios), speed), ratios, z.real * unit, damping.reshape(-1, 2, 2) * unit / speed
+    )
 
 
 @one_thread
-def coefficients_over_speed(design: Design, rotor_mass: float, bearing_numbers: Sequence[float] | np.ndarray,
-                            whirl: float | str = 1.0, mesh: Mesh = DEFAULT_MESH) -> Coefficients:
+def coefficients_over_speed(
+    design: Design,
+    rotor_mass: float,
+    bearing_numbers: Sequence[float] | np.ndarray,
+    whirl: float | str = 1.0,
+    mesh: Mesh = DEFAULT_MESH,
+) -> Coefficients:
     """Stiffness and damping against shaft speed, rotor mass held.
 
     Parameters
@@ -189,8 +228,9 @@ def coefficients_over_speed(design: Design, rotor_mass: float, bearing_numbers: 
     bearing_numbers : sequence of float
     whirl : float or str
         Whirl ratio of every row (1: synchronous), or :data:`LEAST_STABLE`: at each speed that of
-        :func:`least_stable_whirl`, and 1 where nothing oscillates. Those rows give the right limit of stability: a whirl that
-        neither grows nor decays feels the coefficients at its own frequency and no others.
+        :func:`least_stable_whirl`, and 1 where nothing oscillates. Those rows give the right limit
+        of stability: a whirl that neither grows nor decays feels the coefficients at its own
+        frequency and no others.
     mesh : Mesh
 
     Raises
@@ -210,14 +250,23 @@ def coefficients_over_speed(design: Design, rotor_mass: float, bearing_numbers: 
         root = least_stable_whirl(z) if whirl == LEAST_STABLE else complex(0.0, float(whirl))
         parts.append(coefficients(z, [1.0 if root is None else root.imag]))
     if not parts:
-        raise InputError("at none of these speeds does the film carry the load: there is no static equilibrium to linearise")
-    speed, ratio, stiffness, damping = (np.concatenate([getattr(part, name) for part in parts])
-                                        for name in ("speed", "whirl_ratio", "stiffness", "damping"))
+        raise InputError(
+            "at none of these speeds does the film carry the load: there is no static equilibrium "
+            "to linearise"
+        )
+    speed, ratio, stiffness, damping = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("speed", "whirl_ratio", "stiffness", "damping")
+    )
     return Coefficients(speed, ratio, stiffness, damping, tuple(missing))
 
 
 def least_stable_whirl(at: Impedance) -> complex | None:
-    """The least stable oscillating eigenvalue of rotor and bearing, per unit tau, frequency > 0; None where all only decay."""
-    found = linear_spectrum(at.design, at.rotor_mass, at.bearing_number, at.mesh, at.equilibrium.state)
+    """The least stable oscillating eigenvalue of rotor and bearing, per unit tau, frequency > 0;
+    None where all only decay.
+    """
+    found = linear_spectrum(
+        at.design, at.rotor_mass, at.bearing_number, at.mesh, at.equilibrium.state
+    )
     whirls = [] if found is None else [v for v in found[0] if v.imag > SLOWEST_WHIRL]
     return complex(whirls[0]) if whirls else None

@@ -37,10 +37,15 @@ class Equilibrium:
 
 
 def _dense_film(design: Design, bearing_number: float, mesh: Mesh) -> Film:
-    """The film, where its mesh is small enough for dense linear algebra; raises :class:`InputError` otherwise."""
+    """The film, where its mesh is small enough for dense linear algebra; raises :class:`InputError`
+    otherwise.
+    """
     cells = mesh[0] * mesh[1]
     if cells > MAX_DENSE_CELLS:
-        raise InputError(f"mesh = {mesh[0]}x{mesh[1]} has {cells} cells: linear stability allows at most {MAX_DENSE_CELLS}")
+        raise InputError(
+            f"mesh = {mesh[0]}x{mesh[1]} has {cells} cells: linear stability allows at most "
+            f"{MAX_DENSE_CELLS}"
+        )
     return build_film(design, bearing_number, mesh)
 
 
@@ -70,7 +75,9 @@ def concentric_state(film: Film, rotor: RotorCoefficients) -> np.ndarray:
     raise InputError("no steady film of the centred journal was found; try a finer mesh")
 
 
-def concentric_stiffness(design: Design, bearing_number: float, mesh: Mesh = DEFAULT_MESH) -> tuple[float, float]:
+def concentric_stiffness(
+    design: Design, bearing_number: float, mesh: Mesh = DEFAULT_MESH
+) -> tuple[float, float]:
     """Static stiffness of the film about the centre: F_x = -K_xx X, F_y = +K_yx X.
 
     Parameters
@@ -82,7 +89,8 @@ def concentric_stiffness(design: Design, bearing_number: float, mesh: Mesh = DEF
     Returns
     -------
     kxx, kyx : float
-        Over p_a R² per clearance; times ``design.stiffness_unit`` in N/m. K_xx = K_yy, K_xy = -K_yx by symmetry.
+        Over p_a R² per clearance; times ``design.stiffness_unit`` in N/m. K_xx = K_yy, K_xy = -K_yx
+        by symmetry.
     """
     film = _dense_film(design, bearing_number, mesh)
     rotor = _without_unbalance(build_rotor(design.replace(rotor__gravity=0.0), 1.0, bearing_number))
@@ -91,13 +99,20 @@ def concentric_stiffness(design: Design, bearing_number: float, mesh: Mesh = DEF
     cells, n = unknown_places(film, True)[:-4], film_size(film)
     _, jacobian = slope_and_jacobian(film, rotor, state, np.append(cells, n))
     response = np.linalg.solve(jacobian[cells][:, :-1], -jacobian[cells, -1])
-    force = (jacobian[n + 4:n + 6, :-1] @ response + jacobian[n + 4:n + 6, -1]) / rotor.inverse_mass
+    force = (
+        jacobian[n + 4 : n + 6, :-1] @ response + jacobian[n + 4 : n + 6, -1]
+    ) / rotor.inverse_mass
     shaft = rotor.coupling_journal / rotor.inverse_mass
     return float(-force[0] - shaft), float(force[1])
 
 
-def static_equilibrium(design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = DEFAULT_MESH,
-                       guess: np.ndarray | None = None) -> Equilibrium | None:
+def static_equilibrium(
+    design: Design,
+    rotor_mass: float,
+    bearing_number: float,
+    mesh: Mesh = DEFAULT_MESH,
+    guess: np.ndarray | None = None,
+) -> Equilibrium | None:
     """Where the journal rests under gravity, without unbalance, at speed.
 
     Newton's method on the whole discrete system, the load raised in steps from a concentric start.
@@ -121,9 +136,15 @@ def static_equilibrium(design: Design, rotor_mass: float, bearing_number: float,
     rotor = _without_unbalance(build_rotor(design, rotor_mass, bearing_number))
     unknowns, n = unknown_places(film, design.rigid), film_size(film)
     load, done, step = (1.0, 0.0, 1.0) if guess is not None else (0.25, 0.0, 0.25)
-    state = guess if guess is not None else concentric_state(film, rotor._replace(gravity_disc=0.0, gravity_journal=0.0))
+    state = (
+        guess
+        if guess is not None
+        else concentric_state(film, rotor._replace(gravity_disc=0.0, gravity_journal=0.0))
+    )
     while True:
-        loaded = rotor._replace(gravity_disc=load * rotor.gravity_disc, gravity_journal=load * rotor.gravity_journal)
+        loaded = rotor._replace(
+            gravity_disc=load * rotor.gravity_disc, gravity_journal=load * rotor.gravity_journal
+        )
         found = _newton(film, loaded, state, unknowns)
         if found is None:
             step *= 0.5

@@ -1,4 +1,6 @@
-"""What a design means at one operating point: dimensionless groups, static equilibrium, gas flow, stiffness, damping, whirl."""
+"""What a design means at one operating point: dimensionless groups, static equilibrium, gas flow,
+stiffness, damping, whirl.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +13,20 @@ import numpy as np
 from spab_core.design.form import grade_of_eccentricity
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
-from spab_core.linear_theory.coefficients import Coefficients, coefficients, impedance, least_stable_whirl, one_thread
+from spab_core.linear_theory.coefficients import (
+    Coefficients,
+    coefficients,
+    impedance,
+    least_stable_whirl,
+    one_thread,
+)
 from spab_core.solver.film import DEFAULT_MESH, Film, Mesh, build_film, film_array, film_fluxes
 
 NO_EQUILIBRIUM = "no static equilibrium: the film does not carry this rotor at this speed"
-AIR_CONSTANT, TEMPERATURE = 287.05, 293.15  # J/(kg K) and K: the mass flow is that of dry air at 20 °C
+AIR_CONSTANT, TEMPERATURE = (
+    287.05,
+    293.15,
+)  # J/(kg K) and K: the mass flow is that of dry air at 20 °C
 NORMAL_PRESSURE, NORMAL_TEMPERATURE = 101325.0, 273.15  # Pa and K: normal litres as in DIN 1343
 
 
@@ -26,7 +37,8 @@ class GasFlow:
     Attributes
     ----------
     wall, edges : float
-        m³/s at ambient pressure, into the film through the wall and out of both open edges; equal in a steady film.
+        m³/s at ambient pressure, into the film through the wall and out of both open edges; equal
+        in a steady film.
     mass : float
         kg/s of air at 20 °C.
     normal_litres : float
@@ -50,7 +62,8 @@ class Whirl:
     speed_rpm : float
         Frequency in whirls a minute.
     growth : float
-        Growth rate, natural logarithm per revolution; negative: the rotor at rest on its film is stable.
+        Growth rate, natural logarithm per revolution; negative: the rotor at rest on its film is
+        stable.
     """
 
     ratio: float
@@ -73,7 +86,8 @@ class Derived:
         kg on one bearing.
     speed, speed_rpm : float
         Shaft speed in rad/s and rpm.
-    bearing_number, mass_number, shaft_stiffness_number, feeding_number, load_number, unbalance_number : float
+    bearing_number, mass_number, shaft_stiffness_number, feeding_number, load_number,
+    unbalance_number : float
         Λ, M, K, β, W, ρ (docs/model.md); K is inf for a rigid rotor.
     supply_pressure : float
         Pa, absolute.
@@ -114,29 +128,45 @@ class Derived:
     whirl: Whirl | None = None
 
     def record(self) -> dict:
-        """The answer as plain values, named with their units; the keys are those of ``spab design show --json``."""
+        """The answer as plain values, named with their units; the keys are those of ``spab design
+        show --json``.
+        """
         flow, whirl, c = self.gas_flow, self.whirl, self.coefficients
         rigid = math.isinf(self.shaft_stiffness_number)
         return {
-            "rotor_mass_kg": self.rotor_mass, "speed_rad_s": self.speed, "speed_rpm": self.speed_rpm,
-            "bearing_number": self.bearing_number, "mass_number": self.mass_number,
-            "shaft_stiffness_number": None if rigid else self.shaft_stiffness_number, "rigid": rigid,
-            "feeding_number": self.feeding_number, "load_number": self.load_number, "unbalance_number": self.unbalance_number,
-            "supply_pressure_pa": self.supply_pressure, "balance_grade_mm_s": self.balance_grade, "status": self.status,
-            "eccentricity": self.eccentricity, "attitude_angle_deg": self.attitude_angle, "least_film_m": self.least_film,
+            "rotor_mass_kg": self.rotor_mass,
+            "speed_rad_s": self.speed,
+            "speed_rpm": self.speed_rpm,
+            "bearing_number": self.bearing_number,
+            "mass_number": self.mass_number,
+            "shaft_stiffness_number": None if rigid else self.shaft_stiffness_number,
+            "rigid": rigid,
+            "feeding_number": self.feeding_number,
+            "load_number": self.load_number,
+            "unbalance_number": self.unbalance_number,
+            "supply_pressure_pa": self.supply_pressure,
+            "balance_grade_mm_s": self.balance_grade,
+            "status": self.status,
+            "eccentricity": self.eccentricity,
+            "attitude_angle_deg": self.attitude_angle,
+            "least_film_m": self.least_film,
             "gas_mass_flow_kg_s": flow.mass if flow else None,
             "gas_flow_normal_l_min": flow.normal_litres if flow else None,
             "stiffness_static_n_m": c.stiffness[0].tolist() if c else None,
             "damping_static_n_s_m": c.damping[0].tolist() if c else None,
             "stiffness_synchronous_n_m": c.stiffness[1].tolist() if c else None,
             "damping_synchronous_n_s_m": c.damping[1].tolist() if c else None,
-            "whirl_ratio": whirl.ratio if whirl else None, "whirl_rpm": whirl.speed_rpm if whirl else None,
+            "whirl_ratio": whirl.ratio if whirl else None,
+            "whirl_rpm": whirl.speed_rpm if whirl else None,
             "whirl_growth_per_revolution": whirl.growth if whirl else None,
         }
 
 
-def gas_flow(design: Design, bearing_number: float, film: Film, s: np.ndarray, x: float, y: float) -> GasFlow:
-    """Gas that the wall feeds and the edges lose: the Darcy source and the edge flux of the discrete film, integrated.
+def gas_flow(
+    design: Design, bearing_number: float, film: Film, s: np.ndarray, x: float, y: float
+) -> GasFlow:
+    """Gas that the wall feeds and the edges lose: the Darcy source and the edge flux of the
+    discrete film, integrated.
 
     Parameters
     ----------
@@ -150,8 +180,8 @@ def gas_flow(design: Design, bearing_number: float, film: Film, s: np.ndarray, x
 
     Notes
     -----
-    The film holds the mass rho_a C R² ∫ S dΩ, with rho_a the density at ambient pressure; both halves of the band count.
-    """
+    The film holds the mass rho_a C R² ∫ S dΩ, with rho_a the density at ambient pressure; both
+    halves of the band count."""
     b, flux = design.bearing, film_fluxes(film, s, x, y)
     unit = 2.0 * b.clearance * b.radius**2 * design.speed(bearing_number)
     wall = unit * float((flux["wall"] * film.area).sum())
@@ -162,7 +192,9 @@ def gas_flow(design: Design, bearing_number: float, film: Film, s: np.ndarray, x
 
 
 @one_thread
-def derive(design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = DEFAULT_MESH) -> Derived:
+def derive(
+    design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = DEFAULT_MESH
+) -> Derived:
     """Everything derived at an operating point.
 
     Parameters
@@ -182,21 +214,39 @@ def derive(design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh 
     speed, rotor = design.speed(bearing_number), design.rotor
     rpm = design.speed_rpm(bearing_number)
     found = Derived(
-        rotor_mass=float(rotor_mass), speed=speed, speed_rpm=rpm, bearing_number=float(bearing_number),
-        mass_number=design.mass_number(rotor_mass, bearing_number), shaft_stiffness_number=design.shaft_stiffness_number,
-        feeding_number=design.feeding_number, load_number=design.load_number(rotor_mass),
+        rotor_mass=float(rotor_mass),
+        speed=speed,
+        speed_rpm=rpm,
+        bearing_number=float(bearing_number),
+        mass_number=design.mass_number(rotor_mass, bearing_number),
+        shaft_stiffness_number=design.shaft_stiffness_number,
+        feeding_number=design.feeding_number,
+        load_number=design.load_number(rotor_mass),
         unbalance_number=design.unbalance_number,
         supply_pressure=design.bearing.supply_pressure_ratio * design.gas.ambient_pressure,
-        balance_grade=grade_of_eccentricity(rotor.unbalance_eccentricity, rpm, rotor.journal_mass_fraction),
-        status=NO_EQUILIBRIUM)
+        balance_grade=grade_of_eccentricity(
+            rotor.unbalance_eccentricity, rpm, rotor.journal_mass_fraction
+        ),
+        status=NO_EQUILIBRIUM,
+    )
     z = impedance(design, rotor_mass, bearing_number, mesh)
     if z is None:
         return found
-    film, rest, root = build_film(design, bearing_number, mesh), z.equilibrium, least_stable_whirl(z)
+    film, rest, root = (
+        build_film(design, bearing_number, mesh),
+        z.equilibrium,
+        least_stable_whirl(z),
+    )
     x, y = (float(v) for v in rest.state[-8:-6])
     return dataclasses.replace(
-        found, status="ok", eccentricity=rest.eccentricity, attitude_angle=rest.attitude_angle,
+        found,
+        status="ok",
+        eccentricity=rest.eccentricity,
+        attitude_angle=rest.attitude_angle,
         least_film=design.bearing.clearance * (1.0 - rest.eccentricity),
         gas_flow=gas_flow(design, bearing_number, film, film_array(film, rest.state), x, y),
         coefficients=coefficients(z, [0.0, 1.0]),
-        whirl=None if root is None else Whirl(root.imag, root.imag * rpm, 2.0 * math.pi * root.real))
+        whirl=None
+        if root is None
+        else Whirl(root.imag, root.imag * rpm, 2.0 * math.pi * root.real),
+    )

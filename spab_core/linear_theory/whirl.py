@@ -1,4 +1,5 @@
-"""Static equilibrium, film stiffness and the linear whirl threshold: eigenvalues of the full linearised system.
+"""Static equilibrium, film stiffness and the linear whirl threshold: eigenvalues of the full
+linearised system.
 
 Everything here uses the same discrete equations as the integrator, through the compiled tangent.
 """
@@ -19,11 +20,10 @@ from spab_core.solver.slope import slope_and_jacobian, unknown_places
 THRESHOLD_RANGE = (1e-2, 1e2)  # kg, searched for the whirl threshold
 
 
-
-
 @dataclass(frozen=True)
 class Threshold:
-    """Where the static equilibrium loses or gains linear stability as the rotor mass changes, at one bearing number.
+    """Where the static equilibrium loses or gains linear stability as the rotor mass changes, at
+    one bearing number.
 
     Attributes
     ----------
@@ -43,28 +43,21 @@ class Threshold:
     stable_side: str
 
 
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-def linear_spectrum(design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = DEFAULT_MESH,
-                    guess: np.ndarray | None = None) -> tuple[np.ndarray, Equilibrium] | None:
-    """Eigenvalues per unit tau of the whole system, film and rotor, linearised about the static equilibrium.
+def linear_spectrum(
+    design: Design,
+    rotor_mass: float,
+    bearing_number: float,
+    mesh: Mesh = DEFAULT_MESH,
+    guess: np.ndarray | None = None,
+) -> tuple[np.ndarray, Equilibrium] | None:
+    """Eigenvalues per unit tau of the whole system, film and rotor, linearised about the static
+    equilibrium.
 
     Returns
     -------
     eigenvalues : ndarray of complex
-        Real part first to last falling; imaginary part = frequency over the shaft speed. None where no equilibrium is.
+        Real part first to last falling; imaginary part = frequency over the shaft speed. None where
+        no equilibrium is.
     equilibrium : Equilibrium
     """
     film = build_film(design, bearing_number, mesh)
@@ -78,8 +71,13 @@ def linear_spectrum(design: Design, rotor_mass: float, bearing_number: float, me
     return values[np.argsort(-values.real)], equilibrium
 
 
-def whirl_thresholds(design: Design, bearing_number: float, mesh: Mesh = DEFAULT_MESH,
-                     masses: tuple[float, float] = THRESHOLD_RANGE, scan: int = 25) -> list[Threshold]:
+def whirl_thresholds(
+    design: Design,
+    bearing_number: float,
+    mesh: Mesh = DEFAULT_MESH,
+    masses: tuple[float, float] = THRESHOLD_RANGE,
+    scan: int = 25,
+) -> list[Threshold]:
     """Rotor masses where the static equilibrium changes its linear stability, in rising order.
 
     Parameters
@@ -90,14 +88,15 @@ def whirl_thresholds(design: Design, bearing_number: float, mesh: Mesh = DEFAULT
     masses : tuple
         Range searched, kg.
     scan : int
-        Masses tried, equally spaced in the logarithm, before each sign change is bisected; two changes between neighbours
-        go unseen.
+        Masses tried, equally spaced in the logarithm, before each sign change is bisected; two
+        changes between neighbours go unseen.
 
     Returns
     -------
     list of Threshold
         Empty where the stability is the same over the whole range.
     """
+
     def leading(log_mass, guess):
         """Leading eigenvalue and equilibrium, (None, None) where no equilibrium was found."""
         spectrum = linear_spectrum(design, math.exp(log_mass), bearing_number, mesh, guess)
@@ -116,7 +115,9 @@ def whirl_thresholds(design: Design, bearing_number: float, mesh: Mesh = DEFAULT
         if a is None or b is None or (a.real < 0.0) == (b.real < 0.0):
             continue
         low, high = logs[k], logs[k + 1]
-        while high - low > 1e-6:  # bisection: one more equilibrium may be missing anywhere in between
+        while (
+            high - low > 1e-6
+        ):  # bisection: one more equilibrium may be missing anywhere in between
             middle = 0.5 * (low + high)
             value, _ = leading(middle, start)
             if value is None:
@@ -125,6 +126,12 @@ def whirl_thresholds(design: Design, bearing_number: float, mesh: Mesh = DEFAULT
         value, _ = leading(0.5 * (low + high), start)
         if value is not None:
             mass = math.exp(0.5 * (low + high))
-            found.append(Threshold(mass, design.mass_number(mass, bearing_number), abs(value.imag),
-                                   "below" if a.real < 0.0 else "above"))
+            found.append(
+                Threshold(
+                    mass,
+                    design.mass_number(mass, bearing_number),
+                    abs(value.imag),
+                    "below" if a.real < 0.0 else "above",
+                )
+            )
     return found

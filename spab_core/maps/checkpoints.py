@@ -26,15 +26,25 @@ CHUNK_CELLS = 25
 def _plan(design, bearing_number, rotor_mass, settings):
     """What a run computes, as a dictionary that must be the same to resume it."""
     return {
-        "solver": solver_hash(), "design": design.to_dict(), "settings": settings.to_dict(), "chunk_cells": CHUNK_CELLS,
+        "solver": solver_hash(),
+        "design": design.to_dict(),
+        "settings": settings.to_dict(),
+        "chunk_cells": CHUNK_CELLS,
         "bearing_number": hashlib.sha256(bearing_number.tobytes()).hexdigest(),
         "rotor_mass": hashlib.sha256(rotor_mass.tobytes()).hexdigest(),
     }
 
 
-def open_run(folder: Path, design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray, settings: Settings,
-             **more) -> str:
-    """Start a run in ``folder`` or go on with the one that is there; ``more``: what else must be the same to resume it.
+def open_run(
+    folder: Path,
+    design: Design,
+    bearing_number: np.ndarray,
+    rotor_mass: np.ndarray,
+    settings: Settings,
+    **more,
+) -> str:
+    """Start a run in ``folder`` or go on with the one that is there; ``more``: what else must be
+    the same to resume it.
 
     Returns
     -------
@@ -57,8 +67,11 @@ def open_run(folder: Path, design: Design, bearing_number: np.ndarray, rotor_mas
         old = old if isinstance(old, dict) else {}
         different = sorted(k for k in plan.keys() | old.keys() if plan.get(k) != old.get(k))
         if different:
-            raise MapError(f"{folder} holds the parts of another run (different: {', '.join(different)}); finish that run "
-                           "with its own settings, or delete the folder")
+            raise MapError(
+                f"{folder} holds the parts of another run (different: {', '.join(different)}); "
+                "finish that run "
+                "with its own settings, or delete the folder"
+            )
     else:
         folder.mkdir(parents=True, exist_ok=True)
         write_atomically(path, text.encode())
@@ -67,7 +80,9 @@ def open_run(folder: Path, design: Design, bearing_number: np.ndarray, rotor_mas
 
 @contextlib.contextmanager
 def locked(folder: Path | None) -> Iterator[None]:
-    """Keep a second run away from the same parts, on this machine or on another one that shares the folder."""
+    """Keep a second run away from the same parts, on this machine or on another one that shares the
+    folder.
+    """
     if folder is None:
         yield
         return
@@ -75,7 +90,9 @@ def locked(folder: Path | None) -> Iterator[None]:
     try:
         lock.acquire()
     except filelock.Timeout:
-        raise MapError(f"another run is at work on {folder}: wait for it, or give another --out") from None
+        raise MapError(
+            f"another run is at work on {folder}: wait for it, or give another --out"
+        ) from None
     try:
         remove_temporaries(folder, "chunk-*")
         yield
@@ -84,12 +101,17 @@ def locked(folder: Path | None) -> Iterator[None]:
 
 
 def remove_temporaries(folder: Path, name: str) -> None:
-    """Delete what killed writers of files ``name`` (a pattern) left there. For who holds the lock that they write under."""
+    """Delete what killed writers of files ``name`` (a pattern) left there.
+
+    For who holds the lock that they write under.
+    """
     for path in folder.glob(f".{name}.tmp"):
         patiently(partial(path.unlink, missing_ok=True))
 
 
-def read_part(path: Path, names: Iterable[str], per_point: Iterable[str], count: int, run_hash: str) -> dict:
+def read_part(
+    path: Path, names: Iterable[str], per_point: Iterable[str], count: int, run_hash: str
+) -> dict:
     """The arrays of a finished chunk, with ``count`` entries in those that have one a point.
 
     Raises
@@ -101,8 +123,12 @@ def read_part(path: Path, names: Iterable[str], per_point: Iterable[str], count:
         with open_npz(path) as data:
             result = {name: data[name] for name in (*names, "run")}
     except UNREADABLE as error:
-        raise MapError(f"{path} is damaged ({error}); delete it to compute that chunk again") from None
-    if str(result.pop("run")) != run_hash or any(result[name].shape[:1] != (count,) for name in per_point):
+        raise MapError(
+            f"{path} is damaged ({error}); delete it to compute that chunk again"
+        ) from None
+    if str(result.pop("run")) != run_hash or any(
+        result[name].shape[:1] != (count,) for name in per_point
+    ):
         raise MapError(f"{path} belongs to another run; delete it to compute that chunk again")
     return result
 

@@ -1,8 +1,9 @@
-"""How far an operating point is from the nearest border of a map, and where linear theory sees another border.
+"""How far an operating point is from the nearest border of a map, and where linear theory sees
+another border.
 
-A map is taken as what it is: every cell stands for the box around it, halfway to its neighbours. A border lies between two
-cells, known to half the distance of their centres. Unstable is whatever is not periodic, failed cells among it.
-"""
+A map is taken as what it is: every cell stands for the box around it, halfway to its neighbours. A
+border lies between two cells, known to half the distance of their centres. Unstable is whatever is
+not periodic, failed cells among it."""
 
 from __future__ import annotations
 
@@ -108,26 +109,42 @@ class Margin:
 
     def headline(self) -> str:
         """The margin in one sentence."""
-        kind, begin = ("unstable", "Margin") if self.stable else ("stable", f"Unstable here ({self.here})")
+        kind, begin = (
+            ("unstable", "Margin") if self.stable else ("stable", f"Unstable here ({self.here})")
+        )
         near = self.instability.both
         if near is None:
             return f"{begin}: no {kind} point anywhere in the map."
         return f"{begin}: the nearest {kind} point is {near.beyond}, at {self._where(near)}."
 
     def sentences(self) -> list[str]:
-        """Borders in mass at this speed, in speed at this mass; then chaos, where it is not the nearest instability."""
-        at_speed, at_mass = f"t {_thousands(self.speed_rpm, 10.0)} rpm", f"t {self.rotor_mass:.4g} kg"
-        found = [f"A{at_speed}: {self._along(self.instability, 'mass')}.",
-                 f"A{at_mass}: {self._along(self.instability, 'number')}."]
+        """Borders in mass at this speed, in speed at this mass; then chaos, where it is not the
+        nearest instability.
+        """
+        at_speed, at_mass = (
+            f"t {_thousands(self.speed_rpm, 10.0)} rpm",
+            f"t {self.rotor_mass:.4g} kg",
+        )
+        found = [
+            f"A{at_speed}: {self._along(self.instability, 'mass')}.",
+            f"A{at_mass}: {self._along(self.instability, 'number')}.",
+        ]
         near = self.chaos.both
         if self.chaos == self.instability:
             return found
         if near is None:
-            return [*found, "Chaos everywhere in the map." if self.chaotic else "No chaos anywhere in the map."]
+            return [
+                *found,
+                "Chaos everywhere in the map." if self.chaotic else "No chaos anywhere in the map.",
+            ]
         if self.chaotic:
             return [*found, f"Chaos ends at {self._where(near)}."]
-        return [*found, f"Chaos is nearest at {self._where(near)}; a{at_speed} {self._ends(self.chaos, 'mass')}; "
-                        f"a{at_mass} {self._ends(self.chaos, 'number')}."]
+        return [
+            *found,
+            f"Chaos is nearest at {self._where(near)}; a{at_speed} "
+            f"{self._ends(self.chaos, 'mass')}; "
+            f"a{at_mass} {self._ends(self.chaos, 'number')}.",
+        ]
 
     @property
     def speed_rpm(self) -> float:
@@ -136,16 +153,32 @@ class Margin:
 
     def record(self) -> dict:
         """Plain values: the keys of ``spab margin --json``."""
-        return asdict(self) | {"speed_rpm": self.speed_rpm, "headline": self.headline(), "sentences": self.sentences()}
+        return asdict(self) | {
+            "speed_rpm": self.speed_rpm,
+            "headline": self.headline(),
+            "sentences": self.sentences(),
+        }
 
     def _where(self, near: Nearest) -> str:
-        mass, speed = near.rotor_mass / self.rotor_mass - 1.0, near.bearing_number / self.bearing_number - 1.0
-        return (f"{near.rotor_mass:.4g} kg and {_thousands(near.bearing_number * self.rpm_per_number, 10.0)} rpm "
-                f"(mass {_percent(mass)}, speed {_percent(speed)})")
+        mass, speed = (
+            near.rotor_mass / self.rotor_mass - 1.0,
+            near.bearing_number / self.bearing_number - 1.0,
+        )
+        return (
+            f"{near.rotor_mass:.4g} kg and "
+            f"{_thousands(near.bearing_number * self.rpm_per_number, 10.0)} rpm "
+            f"(mass {_percent(mass)}, speed {_percent(speed)})"
+        )
 
     def _units(self, axis: str) -> tuple[str, float, tuple[float, float]]:
-        """Unit of the axis ``mass`` or ``number`` in words, what one of it is in that unit, and the map's edges."""
-        return ("kg", 1.0, self.masses) if axis == "mass" else ("rpm", self.rpm_per_number, self.numbers)
+        """Unit of the axis ``mass`` or ``number`` in words, what one of it is in that unit, and the
+        map's edges.
+        """
+        return (
+            ("kg", 1.0, self.masses)
+            if axis == "mass"
+            else ("rpm", self.rpm_per_number, self.numbers)
+        )
 
     def _along(self, borders: Borders, axis: str) -> str:
         """Both borders along an axis, the nearer one first."""
@@ -155,18 +188,34 @@ class Margin:
             border: Border | None = getattr(borders, f"{axis}_{side}")
             if border is None:
                 end = f"{edge:g} kg" if axis == "mass" else f"{scale * edge:,.0f} rpm"
-                told.append((math.inf, f"no border {'down' if side == 'below' else 'up'} to {end} (edge of the map)"))
+                told.append(
+                    (
+                        math.inf,
+                        f"no border {'down' if side == 'below' else 'up'} to {end} (edge of the "
+                        "map)",
+                    )
+                )
             else:
-                told.append((border.distance, f"{_thousands(scale * border.distance, scale * border.half)} {unit} "
-                                              f"{'above' if side == 'below' else 'below'} the {border.beyond} band "
-                                              f"({_end(border, side, scale)} {unit})"))
+                told.append(
+                    (
+                        border.distance,
+                        f"{_thousands(scale * border.distance, scale * border.half)} {unit} "
+                        f"{'above' if side == 'below' else 'below'} the {border.beyond} band "
+                        f"({_end(border, side, scale)} {unit})",
+                    )
+                )
         return "; ".join(text for _, text in sorted(told))
 
     def _ends(self, borders: Borders, axis: str) -> str:
         """Both borders along an axis without their distances."""
         unit, scale, _ = self._units(axis)
         sides = {side: getattr(borders, f"{axis}_{side}") for side in ("below", "above")}
-        return " and ".join(f"{_end(b, side, scale)} {unit}" for side, b in sides.items() if b is not None) or "nowhere"
+        return (
+            " and ".join(
+                f"{_end(b, side, scale)} {unit}" for side, b in sides.items() if b is not None
+            )
+            or "nowhere"
+        )
 
 
 def _end(border: Border, side: str, scale: float) -> str:
@@ -200,8 +249,10 @@ def margin(m: StabilityMap, rotor_mass: float, bearing_number: float) -> Margin:
         For a point outside the map, or a map whose axes do not rise.
     """
     numbers, masses = _edges(m.bearing_number), _edges(m.rotor_mass)
-    for name, value, axis, unit in (("rotor mass", rotor_mass, m.rotor_mass, "kg"),
-                                    ("bearing number", bearing_number, m.bearing_number, "")):
+    for name, value, axis, unit in (
+        ("rotor mass", rotor_mass, m.rotor_mass, "kg"),
+        ("bearing number", bearing_number, m.bearing_number, ""),
+    ):
         low, high = float(axis[0]), float(axis[-1])
         if not low * (1.0 - _ALIKE) <= value <= high * (1.0 + _ALIKE):
             check_number(f"{name} in this map", value, low, high, unit)
@@ -209,17 +260,36 @@ def margin(m: StabilityMap, rotor_mass: float, bearing_number: float) -> Margin:
     here, stable, chaos = _words(m, row, column), m.regime == "periodic", m.regime == "chaotic"
 
     def borders(other: np.ndarray) -> Borders:
-        along_mass = _along(other[row], column, m.rotor_mass, rotor_mass, lambda k: _words(m, row, k))
-        along_number = _along(other[:, column], row, m.bearing_number, bearing_number, lambda k: _words(m, k, column))
-        return Borders(*along_mass, *along_number, _nearest(m, other, numbers, masses, rotor_mass, bearing_number))
+        along_mass = _along(
+            other[row], column, m.rotor_mass, rotor_mass, lambda k: _words(m, row, k)
+        )
+        along_number = _along(
+            other[:, column], row, m.bearing_number, bearing_number, lambda k: _words(m, k, column)
+        )
+        return Borders(
+            *along_mass,
+            *along_number,
+            _nearest(m, other, numbers, masses, rotor_mass, bearing_number),
+        )
 
-    return Margin(float(rotor_mass), float(bearing_number), m.design.speed_rpm(1.0), here, bool(stable[row, column]),
-                  bool(chaos[row, column]), borders(stable != stable[row, column]), borders(chaos != chaos[row, column]),
-                  (float(m.rotor_mass[0]), float(m.rotor_mass[-1])), (float(m.bearing_number[0]), float(m.bearing_number[-1])))
+    return Margin(
+        float(rotor_mass),
+        float(bearing_number),
+        m.design.speed_rpm(1.0),
+        here,
+        bool(stable[row, column]),
+        bool(chaos[row, column]),
+        borders(stable != stable[row, column]),
+        borders(chaos != chaos[row, column]),
+        (float(m.rotor_mass[0]), float(m.rotor_mass[-1])),
+        (float(m.bearing_number[0]), float(m.bearing_number[-1])),
+    )
 
 
 def _edges(axis: np.ndarray) -> np.ndarray:
-    """Edges of the cells, (n + 1,): halfway between the centres, the outermost at the centres: the map ends there."""
+    """Edges of the cells, (n + 1,): halfway between the centres, the outermost at the centres: the
+    map ends there.
+    """
     if np.any(np.diff(axis) <= 0.0):
         raise MapError("the axes of this map do not rise: no margin can be told")
     return np.concatenate([axis[:1], 0.5 * (axis[1:] + axis[:-1]), axis[-1:]])
@@ -233,11 +303,17 @@ def _words(m: StabilityMap, row: int, column: int) -> str:
 def _along(other, k, axis, point, words) -> tuple[Border | None, Border | None]:
     """Borders below and above index k to the first cells where ``other`` is true."""
     found: list[Border | None] = []
-    for cells, step in ((np.flatnonzero(other[:k])[-1:], -1), (k + 1 + np.flatnonzero(other[k + 1:])[:1], 1)):
+    for cells, step in (
+        (np.flatnonzero(other[:k])[-1:], -1),
+        (k + 1 + np.flatnonzero(other[k + 1 :])[:1], 1),
+    ):
         if len(cells):
             first = int(cells[0])
             last = first - step
-            value, half = 0.5 * float(axis[first] + axis[last]), 0.5 * abs(float(axis[first] - axis[last]))
+            value, half = (
+                0.5 * float(axis[first] + axis[last]),
+                0.5 * abs(float(axis[first] - axis[last])),
+            )
             found.append(Border(value, half, max(step * (value - point), 0.0), words(first)))
         else:
             found.append(None)
@@ -245,7 +321,9 @@ def _along(other, k, axis, point, words) -> tuple[Border | None, Border | None]:
 
 
 def _nearest(m, other, numbers, masses, rotor_mass, bearing_number) -> Nearest | None:
-    """The point of the boxes of the cells in ``other`` that is reached by the smallest relative change."""
+    """The point of the boxes of the cells in ``other`` that is reached by the smallest relative
+    change.
+    """
     rows, columns = np.nonzero(other)
     if not len(rows):
         return None
@@ -253,7 +331,9 @@ def _nearest(m, other, numbers, masses, rotor_mass, bearing_number) -> Nearest |
     mass = np.clip(rotor_mass, masses[columns], masses[columns + 1])
     change = np.hypot(number / bearing_number - 1.0, mass / rotor_mass - 1.0)
     k = int(change.argmin())
-    return Nearest(float(mass[k]), float(number[k]), float(change[k]), _words(m, int(rows[k]), int(columns[k])))
+    return Nearest(
+        float(mass[k]), float(number[k]), float(change[k]), _words(m, int(rows[k]), int(columns[k]))
+    )
 
 
 @dataclass(frozen=True)
@@ -265,8 +345,8 @@ class Region:
     share : float
         Of all cells.
     numbers, masses : tuple of float
-        Where they are: nine tenths of them lie within these bearing numbers, and within these rotor masses in kg; nan where
-        there are none.
+        Where they are: nine tenths of them lie within these bearing numbers, and within these rotor
+        masses in kg; nan where there are none.
     """
 
     share: float
@@ -283,14 +363,16 @@ class Region:
 
 @dataclass(frozen=True)
 class LinearDisagreement:
-    """Where linear stability of the static equilibrium, without unbalance, does not foretell the motion with unbalance.
+    """Where linear stability of the static equilibrium, without unbalance, does not foretell the
+    motion with unbalance.
 
     Attributes
     ----------
     calm : Region
         Linearly unstable, yet the orbit repeats every revolution: no whirl is seen.
     locked : Region
-        Linearly unstable, and the orbit repeats after two revolutions or more: a whirl locked to the rotation.
+        Linearly unstable, and the orbit repeats after two revolutions or more: a whirl locked to
+        the rotation.
     driven : Region
         Linearly stable, yet the orbit is chaotic, quasi-periodic or fails: the unbalance drives it.
     """
@@ -301,13 +383,20 @@ class LinearDisagreement:
 
     def sentences(self) -> list[str]:
         """All three in words."""
-        return [f"Linearly unstable, yet the orbit repeats every revolution, without whirl: {self.calm.text()}.",
-                f"Linearly unstable, yet periodic, the whirl locked to the rotation: {self.locked.text()}.",
-                f"Linearly stable, yet quasi-periodic or chaotic, driven by the unbalance: {self.driven.text()}."]
+        return [
+            "Linearly unstable, yet the orbit repeats every revolution, without whirl: "
+            f"{self.calm.text()}.",
+            "Linearly unstable, yet periodic, the whirl locked to the rotation: "
+            f"{self.locked.text()}.",
+            "Linearly stable, yet quasi-periodic or chaotic, driven by the unbalance: "
+            f"{self.driven.text()}.",
+        ]
 
 
 def critical_masses(table: LinearTable, bearing_number: float) -> np.ndarray:
-    """Rotor masses in kg, rising, where the equilibrium changes its stability at a bearing number: zeros of the rate."""
+    """Rotor masses in kg, rising, where the equilibrium changes its stability at a bearing number:
+    zeros of the rate.
+    """
     mass = table.rotor_mass
     rate = table.at(np.full(len(mass), bearing_number), mass)[:, 0]
     k = np.flatnonzero((rate[:-1] < 0.0) != (rate[1:] < 0.0))
@@ -322,9 +411,14 @@ def against_linear(m: StabilityMap, table: LinearTable) -> LinearDisagreement:
     def region(mask: np.ndarray) -> Region:
         if not mask.any():
             return Region(0.0, (math.nan, math.nan), (math.nan, math.nan))
-        spans = [tuple(float(v) for v in np.quantile(a[mask], (0.05, 0.95))) for a in (number, mass)]
+        spans = [
+            tuple(float(v) for v in np.quantile(a[mask], (0.05, 0.95))) for a in (number, mass)
+        ]
         return Region(float(mask.mean()), (spans[0][0], spans[0][1]), (spans[1][0], spans[1][1]))
 
     periodic, period = m.regime.ravel() == "periodic", m.period.ravel()
-    return LinearDisagreement(region(~stable & periodic & (period == 1)), region(~stable & periodic & (period > 1)),
-                              region(stable & ~periodic))
+    return LinearDisagreement(
+        region(~stable & periodic & (period == 1)),
+        region(~stable & periodic & (period > 1)),
+        region(stable & ~periodic),
+    )

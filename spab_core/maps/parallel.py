@@ -21,18 +21,25 @@ def cluster_or_processes(workers: int, cluster: str | None = None) -> Iterator[j
     options = {"return_as": "generator_unordered", "pre_dispatch": "2*n_jobs"}
     if cluster is None:
         compile_once()  # before several would at once
-        yield joblib.Parallel(n_jobs=workers, initializer=end_with_parent, initargs=(os.getpid(),), **options)
+        yield joblib.Parallel(
+            n_jobs=workers, initializer=end_with_parent, initargs=(os.getpid(),), **options
+        )
         return
     try:
         from distributed import Client
     except ImportError:
-        raise InputError("--dask needs the packages dask and distributed: pip install 'spab-core[dask]'") from None
+        raise InputError(
+            "--dask needs the packages dask and distributed: pip install 'spab-core[dask]'"
+        ) from None
     with contextlib.ExitStack() as stack:
         try:
             client = stack.enter_context(Client(cluster, timeout=CLUSTER_SECONDS))
             client.wait_for_workers(1, timeout=CLUSTER_SECONDS)
         except (OSError, ValueError, TypeError, TimeoutError) as error:
-            raise InputError(f"--dask = {cluster[:200]!r}: no scheduler with workers answers there within {CLUSTER_SECONDS} s "
-                             f"({' '.join(str(error).split())[:200]})") from None
+            raise InputError(
+                f"--dask = {cluster[:200]!r}: no scheduler with workers answers there within "
+                f"{CLUSTER_SECONDS} s "
+                f"({' '.join(str(error).split())[:200]})"
+            ) from None
         stack.enter_context(joblib.parallel_config(backend="dask", client=client))
         yield joblib.Parallel(n_jobs=-1, **options)

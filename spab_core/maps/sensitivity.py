@@ -1,8 +1,8 @@
-"""What if the drawing changes: how far the next unstable motion moves, and what a machine's run-up crosses.
+"""What if the drawing changes: how far the next unstable motion moves, and what a machine's run-up
+crosses.
 
-The machine keeps its rotor mass and speed when its bearing is changed, so margins are told in kg and rpm, and the bearing
-number is formed anew for every design.
-"""
+The machine keeps its rotor mass and speed when its bearing is changed, so margins are told in kg
+and rpm, and the bearing number is formed anew for every design."""
 
 from __future__ import annotations
 
@@ -34,27 +34,41 @@ SCAN = 16  # points to each side, equally spaced in the logarithm
 BISECTIONS = 4  # of the step in which the regime changes: the border to 0.3 %
 STEP, STEPS = 0.1, (1e-3, 0.5)  # relative change of each value of the design; allowed
 VALUES = {  # what a designer can still change, and its name
-    "bearing__clearance": "clearance", "bearing__supply_pressure_ratio": "supply pressure",
-    "rotor__unbalance_eccentricity": "unbalance", "rotor__shaft_stiffness": "shaft stiffness"}
+    "bearing__clearance": "clearance",
+    "bearing__supply_pressure_ratio": "supply pressure",
+    "rotor__unbalance_eccentricity": "unbalance",
+    "rotor__shaft_stiffness": "shaft stiffness",
+}
 AXES = ("speed", "mass")
 _MAX_BYTES = 1_000_000  # of a file of these
-_COLUMNS = {"value": str, "factor": float, "stable": bool, "below": float, "above": float, "distance": float, "change": float}
+_COLUMNS = {
+    "value": str,
+    "factor": float,
+    "stable": bool,
+    "below": float,
+    "above": float,
+    "distance": float,
+    "change": float,
+}
 
 
 @dataclass(frozen=True)
 class Margin:
-    """How far a machine is from the nearest change between stable (periodic) and unstable motion along one axis.
+    """How far a machine is from the nearest change between stable (periodic) and unstable motion
+    along one axis.
 
     Attributes
     ----------
     axis : str
         ``speed`` or ``mass``.
     stable : bool
-        Whether the motion is periodic at the operating point; a run that fails (touchdown) is unstable.
+        Whether the motion is periodic at the operating point; a run that fails (touchdown) is
+        unstable.
     at : float
         Speed in rpm, or rotor mass in kg, of the operating point.
     below, above : float
-        The nearest border to each side, in the same unit; nan where there is none within the reach of the scan.
+        The nearest border to each side, in the same unit; nan where there is none within the reach
+        of the scan.
     low, high : float
         Ends of the scan.
     """
@@ -69,7 +83,8 @@ class Margin:
 
     @property
     def distance(self) -> float:
-        """Relative distance to the nearer border, negative where the operating point itself is unstable.
+        """Relative distance to the nearer border, negative where the operating point itself is
+        unstable.
 
         Where there is no border within reach: the end of the scan, a lower bound of it.
         """
@@ -78,7 +93,9 @@ class Margin:
         return (1.0 if self.stable else -1.0) * nearest / self.at
 
 
-def is_stable(design: Design, rotor_mass: float, speed_rpm: float, settings: Settings = SETTINGS) -> bool:
+def is_stable(
+    design: Design, rotor_mass: float, speed_rpm: float, settings: Settings = SETTINGS
+) -> bool:
     """Whether the motion from the cold start is periodic; ``rotor_mass`` in kg."""
     regime = solve_point(design, rotor_mass, _number(design, speed_rpm), settings).regime
     return regime is not None and regime.name == "periodic"
@@ -88,7 +105,9 @@ def _number(design: Design, speed_rpm: float) -> float:
     return design.bearing_number(speed_rpm * np.pi / 30.0)
 
 
-def check_margin(design: Design, rotor_mass: float, speed_rpm: float, axis: str, scan: int = SCAN) -> None:
+def check_margin(
+    design: Design, rotor_mass: float, speed_rpm: float, axis: str, scan: int = SCAN
+) -> None:
     """Raise :class:`InputError` for a machine, an axis or a scan out of range."""
     if axis not in AXES:
         raise InputError(f"axis = {str(axis)[:40]!r} is not allowed: choose {' or '.join(AXES)}")
@@ -98,9 +117,17 @@ def check_margin(design: Design, rotor_mass: float, speed_rpm: float, axis: str,
     check_point(rotor_mass, _number(design, speed_rpm))
 
 
-def machine_margin(design: Design, rotor_mass: float, speed_rpm: float, axis: str, settings: Settings = SETTINGS, *,
-                   scan: int = SCAN) -> Margin:
-    """Seek the nearest borders along an axis, by cold starts outward from the operating point and bisection.
+def machine_margin(
+    design: Design,
+    rotor_mass: float,
+    speed_rpm: float,
+    axis: str,
+    settings: Settings = SETTINGS,
+    *,
+    scan: int = SCAN,
+) -> Margin:
+    """Seek the nearest borders along an axis, by cold starts outward from the operating point and
+    bisection.
 
     Parameters
     ----------
@@ -112,7 +139,8 @@ def machine_margin(design: Design, rotor_mass: float, speed_rpm: float, axis: st
         Of :data:`AXES`.
     settings : Settings
     scan : int
-        Points to each side: bands narrower than their distance, ``REACH**(1/scan)``, can be stepped over.
+        Points to each side: bands narrower than their distance, ``REACH**(1/scan)``, can be stepped
+        over.
 
     Returns
     -------
@@ -125,7 +153,11 @@ def machine_margin(design: Design, rotor_mass: float, speed_rpm: float, axis: st
     """
     check_margin(design, rotor_mass, speed_rpm, axis, scan)
     at = speed_rpm if axis == "speed" else rotor_mass
-    limits = [r / _number(design, 1.0) for r in BEARING_NUMBER_RANGE] if axis == "speed" else ROTOR_MASS_RANGE
+    limits = (
+        [r / _number(design, 1.0) for r in BEARING_NUMBER_RANGE]
+        if axis == "speed"
+        else ROTOR_MASS_RANGE
+    )
 
     def stable(value):
         mass, speed = (rotor_mass, value) if axis == "speed" else (value, speed_rpm)
@@ -152,8 +184,8 @@ def machine_margin(design: Design, rotor_mass: float, speed_rpm: float, axis: st
 def variations(design: Design, step: float = STEP) -> list[tuple[str, float, Design]]:
     """The designs with one value lower and higher by ``step``: (name of the value, factor, design).
 
-    Values that are nought or infinite (no unbalance, a rigid shaft), and designs out of range, are left out.
-    """
+    Values that are nought or infinite (no unbalance, a rigid shaft), and designs out of range, are
+    left out."""
     found = []
     for key, name in VALUES.items():
         part, _, field = key.partition("__")
@@ -168,10 +200,20 @@ def variations(design: Design, step: float = STEP) -> list[tuple[str, float, Des
     return found
 
 
-def sensitivity(design: Design, rotor_mass: float, speed_rpm: float, axis: str = "speed", settings: Settings = SETTINGS, *,
-                step: float = STEP, scan: int = SCAN, workers: int = 1,
-                progress: Callable[[int], None] | None = None) -> tuple[Margin, pd.DataFrame]:
-    """How the margin of a machine moves with each value of its drawing: the numbers of a tornado chart.
+def sensitivity(
+    design: Design,
+    rotor_mass: float,
+    speed_rpm: float,
+    axis: str = "speed",
+    settings: Settings = SETTINGS,
+    *,
+    step: float = STEP,
+    scan: int = SCAN,
+    workers: int = 1,
+    progress: Callable[[int], None] | None = None,
+) -> tuple[Margin, pd.DataFrame]:
+    """How the margin of a machine moves with each value of its drawing: the numbers of a tornado
+    chart.
 
     Parameters
     ----------
@@ -182,15 +224,17 @@ def sensitivity(design: Design, rotor_mass: float, speed_rpm: float, axis: str =
     workers : int
         Processes.
     progress : callable
-        Called with the number of margins found since the last call, ``1 + len(variations(design))`` in all.
+        Called with the number of margins found since the last call, ``1 + len(variations(design))``
+        in all.
 
     Returns
     -------
     Margin
         Of the design as it is.
     DataFrame
-        A row for each value and direction: ``value``, ``factor``, ``stable``, ``below``, ``above`` (rpm or kg), ``distance``
-        (relative), ``change`` (of the distance); the value with the largest change first.
+        A row for each value and direction: ``value``, ``factor``, ``stable``, ``below``, ``above``
+        (rpm or kg), ``distance`` (relative), ``change`` (of the distance); the value with the
+        largest change first.
 
     Raises
     ------
@@ -202,19 +246,37 @@ def sensitivity(design: Design, rotor_mass: float, speed_rpm: float, axis: str =
     cases = [("", 1.0, design), *variations(design, step)]
     margins: dict[int, Margin] = {}
     with cluster_or_processes(workers) as run:
-        jobs = (joblib.delayed(_numbered_margin)(k, case[2], rotor_mass, speed_rpm, axis, settings, scan)
-                for k, case in enumerate(cases))
+        jobs = (
+            joblib.delayed(_numbered_margin)(
+                k, case[2], rotor_mass, speed_rpm, axis, settings, scan
+            )
+            for k, case in enumerate(cases)
+        )
         for k, margin in run(jobs):
             margins[k] = margin
             if progress:
                 progress(1)
     base = margins[0]
-    rows = [{"value": name, "factor": factor, "stable": margins[k].stable, "below": margins[k].below, "above": margins[k].above,
-             "distance": margins[k].distance, "change": margins[k].distance - base.distance}
-            for k, (name, factor, _) in enumerate(cases) if k]
+    rows = [
+        {
+            "value": name,
+            "factor": factor,
+            "stable": margins[k].stable,
+            "below": margins[k].below,
+            "above": margins[k].above,
+            "distance": margins[k].distance,
+            "change": margins[k].distance - base.distance,
+        }
+        for k, (name, factor, _) in enumerate(cases)
+        if k
+    ]
     table = pd.DataFrame(rows, columns=list(_COLUMNS)).astype(_COLUMNS)
     largest = table.groupby("value")["change"].transform(lambda c: c.abs().max())
-    order = table.assign(largest=largest).sort_values(["largest", "value", "factor"], ascending=[False, True, True]).index
+    order = (
+        table.assign(largest=largest)
+        .sort_values(["largest", "value", "factor"], ascending=[False, True, True])
+        .index
+    )
     return base, table.loc[order].reset_index(drop=True)
 
 
@@ -226,7 +288,9 @@ def _numbered_margin(number, *arguments):
 def save_sensitivity(base: Margin, table: pd.DataFrame, path: Path) -> None:
     """Write what :func:`sensitivity` gave as JSON, atomically."""
     rows = table.astype(object).where(table.notna(), None).to_dict("list")
-    numbers = {name: None if value != value else value for name, value in dataclasses.asdict(base).items()}
+    numbers = {
+        name: None if value != value else value for name, value in dataclasses.asdict(base).items()
+    }
     write_atomically(path, json.dumps({"base": numbers, "rows": rows}).encode())
 
 
@@ -236,13 +300,21 @@ def load_sensitivity(path: Path) -> tuple[Margin, pd.DataFrame]:
         if path.stat().st_size > _MAX_BYTES:
             raise ValueError(f"it has more than {_MAX_BYTES:,} bytes")
         data = json.loads(path.read_text("utf-8"))
-        numbers: dict[str, Any] = {name: float("nan") if value is None else value for name, value in data["base"].items()}
+        numbers: dict[str, Any] = {
+            name: float("nan") if value is None else value for name, value in data["base"].items()
+        }
         base = Margin(**numbers)
         places = [float(number) for number in (base.low, base.at, base.high)]
-        if (base.axis not in AXES or not isinstance(base.stable, bool)
-                or not 0.0 < places[0] <= places[1] <= places[2] < math.inf):
+        if (
+            base.axis not in AXES
+            or not isinstance(base.stable, bool)
+            or not 0.0 < places[0] <= places[1] <= places[2] < math.inf
+        ):
             raise ValueError("its margin is none")
-        if any(not isinstance(border, float) for border in (base.below, base.above)) or data["rows"].keys() != _COLUMNS.keys():
+        if (
+            any(not isinstance(border, float) for border in (base.below, base.above))
+            or data["rows"].keys() != _COLUMNS.keys()
+        ):
             raise ValueError("its values do not fit together")
         table = pd.DataFrame(data["rows"], columns=list(_COLUMNS)).astype(_COLUMNS)
     except UNREADABLE as error:
@@ -266,7 +338,17 @@ def regime_intervals(values: np.ndarray, regime: Sequence[str]) -> pd.DataFrame:
         ``regime``, ``start``, ``stop`` (first and last value of the run), ``points``.
     """
     names = np.asarray(regime)
-    first = np.flatnonzero(np.concatenate([[True], names[1:] != names[:-1]])) if len(names) else np.array([], int)
+    first = (
+        np.flatnonzero(np.concatenate([[True], names[1:] != names[:-1]]))
+        if len(names)
+        else np.array([], int)
+    )
     last = np.append(first[1:], len(names)) - 1
-    return pd.DataFrame({"regime": [names[k] or "failed" for k in first], "start": [float(values[k]) for k in first],
-                         "stop": [float(values[k]) for k in last[:len(first)]], "points": (last[:len(first)] - first + 1)})
+    return pd.DataFrame(
+        {
+            "regime": [names[k] or "failed" for k in first],
+            "start": [float(values[k]) for k in first],
+            "stop": [float(values[k]) for k in last[: len(first)]],
+            "points": (last[: len(first)] - first + 1),
+        }
+    )

@@ -1,4 +1,6 @@
-"""A stability map: a plane of operating points, saved as NPZ without pickles (computed by :mod:`spab_core.maps.compute`)."""
+"""A stability map: a plane of operating points, saved as NPZ without pickles (computed by
+:mod:`spab_core.maps.compute`).
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,14 @@ from spab_core.trajectory.regimes import MAX_PERIOD, REGIMES, Regime
 
 MAX_CELLS = 2_000_000
 FIELDS: dict[str, type | str] = {  # dtype of each cell array, in the file's order
-    "mle": np.float64, "mle_standard_error": np.float64, "regime": "<U14", "period": np.int16,
-    "contact_share": np.float64, "max_eccentricity": np.float64, "status": "<U16", "revolutions": np.int32,
+    "mle": np.float64,
+    "mle_standard_error": np.float64,
+    "regime": "<U14",
+    "period": np.int16,
+    "contact_share": np.float64,
+    "max_eccentricity": np.float64,
+    "status": "<U16",
+    "revolutions": np.int32,
 }
 
 
@@ -75,16 +83,19 @@ class StabilityMap:
 
     def nearest(self, rotor_mass: float, bearing_number: float) -> tuple[int, int]:
         """Indices (bearing number, rotor mass) of the nearest cell."""
-        return (int(np.abs(self.bearing_number - bearing_number).argmin()),
-                int(np.abs(self.rotor_mass - rotor_mass).argmin()))
-
+        return (
+            int(np.abs(self.bearing_number - bearing_number).argmin()),
+            int(np.abs(self.rotor_mass - rotor_mass).argmin()),
+        )
 
     def cell_text(self, row: int, column: int) -> str:
         """A cell in words: regime with period and exponent, or the status of a failed run."""
         if not self.regime[row, column]:
             return f"no exponent ({self.status[row, column]})"
         name = Regime(str(self.regime[row, column]), int(self.period[row, column])).text
-        return f"{name}, MLE {self.mle[row, column]:+.3f} ± {self.mle_standard_error[row, column]:.3f}"
+        return (
+            f"{name}, MLE {self.mle[row, column]:+.3f} ± {self.mle_standard_error[row, column]:.3f}"
+        )
 
 
 def axis(text: str, name: str) -> np.ndarray:
@@ -101,19 +112,28 @@ def axis(text: str, name: str) -> np.ndarray:
             raise ValueError
         start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
     except ValueError:
-        raise InputError(f"{name} = {str(text)[:60]!r} is not start:stop:count, such as 0.25:8.5:34") from None
+        raise InputError(
+            f"{name} = {str(text)[:60]!r} is not start:stop:count, such as 0.25:8.5:34"
+        ) from None
     if not 1 <= count <= 100_000:
         raise InputError(f"{name}: count = {count} is out of range: allowed is from 1 to 100000")
     if not (np.isfinite(start) and np.isfinite(stop)) or (count > 1 and not stop > start):
-        raise InputError(f"{name} = {str(text)[:60]!r}: start and stop must be finite numbers, start before stop")
+        raise InputError(
+            f"{name} = {str(text)[:60]!r}: start and stop must be finite numbers, start before stop"
+        )
     return np.linspace(start, stop, count)
 
 
 def check_plane(bearing_number: np.ndarray, rotor_mass: np.ndarray) -> int:
-    """Number of cells of a plane. Raises :class:`InputError` where there are too many or one is out of range."""
+    """Number of cells of a plane.
+
+    Raises :class:`InputError` where there are too many or one is out of range.
+    """
     count = len(bearing_number) * len(rotor_mass)
     if not 1 <= count <= MAX_CELLS:
-        raise InputError(f"a map of {count} cells is out of range: allowed is from 1 to {MAX_CELLS} cells")
+        raise InputError(
+            f"a map of {count} cells is out of range: allowed is from 1 to {MAX_CELLS} cells"
+        )
     for b in (bearing_number.min(), bearing_number.max()):
         for m in (rotor_mass.min(), rotor_mass.max()):
             check_point(float(m), float(b))
@@ -121,16 +141,27 @@ def check_plane(bearing_number: np.ndarray, rotor_mass: np.ndarray) -> int:
 
 
 def check_axes(path: str | Path, *axes: np.ndarray) -> None:
-    """Raise :class:`MapError` unless the axes of a file are one-dimensional, finite numbers that rise."""
+    """Raise :class:`MapError` unless the axes of a file are one-dimensional, finite numbers that
+    rise.
+    """
     for a in axes:
-        if a.ndim != 1 or a.dtype.kind != "f" or not a.size or not np.isfinite(a).all() or np.any(np.diff(a) <= 0.0):
-            raise MapError(f"{path} is damaged: its axes must be one-dimensional, finite numbers that rise")
-
-
+        if (
+            a.ndim != 1
+            or a.dtype.kind != "f"
+            or not a.size
+            or not np.isfinite(a).all()
+            or np.any(np.diff(a) <= 0.0)
+        ):
+            raise MapError(
+                f"{path} is damaged: its axes must be one-dimensional, finite numbers that rise"
+            )
 
 
 def map_bytes(result: StabilityMap) -> bytes:
-    """A map as the bytes of an NPZ file. Keys: those of :class:`StabilityMap`, ``metadata`` as JSON text."""
+    """A map as the bytes of an NPZ file.
+
+    Keys: those of :class:`StabilityMap`, ``metadata`` as JSON text.
+    """
     arrays = {"bearing_number": result.bearing_number, "rotor_mass": result.rotor_mass}
     arrays |= {name: getattr(result, name) for name in FIELDS}
     return npz_bytes(arrays | {"metadata": np.array(json.dumps(result.metadata))})
@@ -147,11 +178,14 @@ def load_map(path: str | Path) -> StabilityMap:
     Raises
     ------
     MapError
-        For a file that is no map: missing keys, wrong shapes or kinds, values that do not fit together.
+        For a file that is no map: missing keys, wrong shapes or kinds, values that do not fit
+        together.
     """
     try:
         with open_npz(path) as data:
-            missing = [k for k in ("bearing_number", "rotor_mass", *FIELDS, "metadata") if k not in data]
+            missing = [
+                k for k in ("bearing_number", "rotor_mass", *FIELDS, "metadata") if k not in data
+            ]
             if missing:
                 raise MapError(f"{path} is not a map: it lacks {', '.join(missing)}")
             b, m = data["bearing_number"], data["rotor_mass"]
@@ -161,19 +195,30 @@ def load_map(path: str | Path) -> StabilityMap:
             for name, dtype in FIELDS.items():
                 array = data[name]
                 if array.shape != (len(b), len(m)) or array.dtype.kind != np.dtype(dtype).kind:
-                    raise MapError(f"{path} is not a map: {name} must be {len(b)} x {len(m)} of kind {np.dtype(dtype).kind}")
+                    raise MapError(
+                        f"{path} is not a map: {name} must be {len(b)} x {len(m)} of kind "
+                        f"{np.dtype(dtype).kind}"
+                    )
                 arrays[name] = array.astype(dtype, copy=False)
             metadata = data.json("metadata")
     except InputError:
         raise
     except UNREADABLE as error:
         raise MapError(f"cannot read the map {str(path)!r}: {error}") from None
-    known = (np.isin(arrays["regime"], [*REGIMES, ""]).all() and np.isin(arrays["status"], STATUS).all()
-             and arrays["period"].min(initial=0) >= 0 and arrays["period"].max(initial=0) <= MAX_PERIOD)
+    known = (
+        np.isin(arrays["regime"], [*REGIMES, ""]).all()
+        and np.isin(arrays["status"], STATUS).all()
+        and arrays["period"].min(initial=0) >= 0
+        and arrays["period"].max(initial=0) <= MAX_PERIOD
+    )
     if not known or not np.all(np.isfinite(arrays["mle"]) == (arrays["status"] == "ok")):
         raise MapError(f"{path} is not a map: regime, status and exponent do not fit together")
-    for name, most in (("contact_share", 1.0 + 1e-9), ("max_eccentricity", 1e6), ("mle_standard_error", 1e6),
-                       ("revolutions", 1e6)):
+    for name, most in (
+        ("contact_share", 1.0 + 1e-9),
+        ("max_eccentricity", 1e6),
+        ("mle_standard_error", 1e6),
+        ("revolutions", 1e6),
+    ):
         if np.any(arrays[name] < 0.0) or np.any(arrays[name] > most):
             raise MapError(f"{path} is not a map: {name} must lie between 0 and {most:g}")
     for key in ("design", "mesh", "transient", "revolutions"):

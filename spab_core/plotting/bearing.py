@@ -10,7 +10,12 @@ from plotly.subplots import make_subplots
 from spab_core.linear_theory.coefficients import NAMES, Coefficients
 from spab_core.plotting.theme import DISC, JOURNAL, NEUTRAL, SECTION
 
-_LINES = {"xx": (JOURNAL, "solid"), "yy": ("#56B4E9", "dash"), "xy": (SECTION, "solid"), "yx": (DISC, "dash")}
+_LINES = {
+    "xx": (JOURNAL, "solid"),
+    "yy": ("#56B4E9", "dash"),
+    "xy": (SECTION, "solid"),
+    "yx": (DISC, "dash"),
+}
 
 
 def coefficient_figure(found: Coefficients, axis: str, mark: float | None = None) -> go.Figure:
@@ -20,21 +25,38 @@ def coefficient_figure(found: Coefficients, axis: str, mark: float | None = None
     ----------
     found : Coefficients
     axis : str
-        ``frequency``: against whirl frequency over shaft speed; ``speed``: against shaft speed in rpm.
+        ``frequency``: against whirl frequency over shaft speed; ``speed``: against shaft speed in
+        rpm.
     mark : float, optional
-        Value on that axis where a line is drawn, if it is in range: the rotor's own whirl, or its speed.
+        Value on that axis where a line is drawn, if it is in range: the rotor's own whirl, or its
+        speed.
     """
     x = found.whirl_ratio if axis == "frequency" else found.speed * 30.0 / math.pi
-    figure = make_subplots(1, 2, subplot_titles=("Stiffness k, N/m", "Damping c, N s/m"), horizontal_spacing=0.12)
+    figure = make_subplots(
+        1, 2, subplot_titles=("Stiffness k, N/m", "Damping c, N s/m"), horizontal_spacing=0.12
+    )
     for name in NAMES:
         colour, dash = _LINES[name[1:]]
         first = name[0] == "k"
-        figure.add_scatter(x=x, y=found.column(name), mode="lines", name=name[1:], legendgroup=name[1:], showlegend=first,
-                           line={"color": colour, "dash": dash, "width": 2}, row=1, col=1 if first else 2,
-                           hovertemplate=f"{name} %{{y:.4s}}<extra></extra>")
+        figure.add_scatter(
+            x=x,
+            y=found.column(name),
+            mode="lines",
+            name=name[1:],
+            legendgroup=name[1:],
+            showlegend=first,
+            line={"color": colour, "dash": dash, "width": 2},
+            row=1,
+            col=1 if first else 2,
+            hovertemplate=f"{name} %{{y:.4s}}<extra></extra>",
+        )
     if mark is not None and x.min() <= mark <= x.max():
         figure.add_vline(x=mark, line={"color": NEUTRAL, "dash": "dot", "width": 1})
     figure.update_xaxes(title="whirl / shaft speed" if axis == "frequency" else "shaft speed, rpm")
     figure.update_yaxes(exponentformat="SI")
-    return figure.update_layout(height=275, margin={"l": 50, "r": 10, "t": 50, "b": 45}, hovermode="x unified",
-                                legend={"orientation": "h", "y": 1.12, "yanchor": "bottom", "x": 0})
+    return figure.update_layout(
+        height=275,
+        margin={"l": 50, "r": 10, "t": 50, "b": 45},
+        hovermode="x unified",
+        legend={"orientation": "h", "y": 1.12, "yanchor": "bottom", "x": 0},
+    )

@@ -1,4 +1,6 @@
-"""The stability map as a Plotly figure: its layers, the border of chaos, the linear threshold, a layer that answers clicks."""
+"""The stability map as a Plotly figure: its layers, the border of chaos, the linear threshold, a
+layer that answers clicks.
+"""
 
 from __future__ import annotations
 
@@ -30,15 +32,18 @@ _SMOOTHED = 1.2  # cells: chaos in single cells leaves no island in the border
 def hover(m: StabilityMap, own: str | None) -> dict:
     """Options of a map's heatmap: what stands under the pointer.
 
-    Regime and exponent of the solver, and the template ``own`` of the layer's number z; None where z is the exponent.
-    """
+    Regime and exponent of the solver, and the template ``own`` of the layer's number z; None where
+    z is the exponent."""
     cells = list(zip(*(a.T.ravel().tolist() for a in (m.regime, m.period, m.status)), strict=True))
     names = {(r, p, s): Regime(r, p).text if r else f"no exponent ({s})" for r, p, s in set(cells)}
     told: dict = {"text": np.array([names[c] for c in cells], object).reshape(m.shape[::-1])}
     if own is not None:
         told["customdata"] = m.mle.T.astype(np.float32)
     mle = "%{z:+.3f}" if own is None else f"%{{customdata:+.3f}}{own}"
-    return told | {"hovertemplate": f"Λ %{{x:.3f}}, %{{y:.2f}} kg<br><b>%{{text}}</b>, MLE {mle}<extra></extra>"}
+    return told | {
+        "hovertemplate": f"Λ %{{x:.3f}}, %{{y:.2f}} kg<br><b>%{{text}}</b>, MLE "
+        f"{mle}<extra></extra>"
+    }
 
 
 def _layer(m: StabilityMap, layer: str, predicted: PredictedMap | None) -> dict:
@@ -46,22 +51,40 @@ def _layer(m: StabilityMap, layer: str, predicted: PredictedMap | None) -> dict:
     bar = {"thickness": 12, "len": 1.0, "title_side": "right", "xpad": 4}
     if layer == "Contact share":
         return hover(m, "<br>contact %{z:.1f} % of the time") | {
-            "z": 100.0 * m.contact_share, "zmin": 0.0, "colorscale": "Cividis",
-                "colorbar": {"title": "time in contact, %", **bar}}
+            "z": 100.0 * m.contact_share,
+            "zmin": 0.0,
+            "colorscale": "Cividis",
+            "colorbar": {"title": "time in contact, %", **bar},
+        }
     if layer == "Largest eccentricity":
         return hover(m, "<br>largest eccentricity %{z:.3f}") | {
-            "z": m.max_eccentricity, "zmin": 0.0, "zmax": 1.0, "colorscale": "Cividis",
-                "colorbar": {"title": "largest eccentricity over C", **bar}}
+            "z": m.max_eccentricity,
+            "zmin": 0.0,
+            "zmax": 1.0,
+            "colorscale": "Cividis",
+            "colorbar": {"title": "largest eccentricity over C", **bar},
+        }
     z, title, own = m.mle, "MLE per revolution (> 0 chaotic)", None
     if layer == SURROGATE:
         if predicted is None:
             raise ValueError("the surrogate's layer needs a predicted map")
-        z, title, own = predicted.mle, f"MLE predicted, n/{predicted.divisor}", "<br>predicted %{z:+.3f}"
-    return hover(m, own) | {"z": z, "zmin": -MLE_LIMIT, "zmax": MLE_LIMIT, "colorscale": "RdBu_r",
-                            "colorbar": {"title": title, **bar}}
+        z, title, own = (
+            predicted.mle,
+            f"MLE predicted, n/{predicted.divisor}",
+            "<br>predicted %{z:+.3f}",
+        )
+    return hover(m, own) | {
+        "z": z,
+        "zmin": -MLE_LIMIT,
+        "zmax": MLE_LIMIT,
+        "colorscale": "RdBu_r",
+        "colorbar": {"title": title, **bar},
+    }
 
 
-def _add_layer(figure: go.Figure, m: StabilityMap, layer: str, predicted: PredictedMap | None) -> None:
+def _add_layer(
+    figure: go.Figure, m: StabilityMap, layer: str, predicted: PredictedMap | None
+) -> None:
     if layer == "Regime":
         code, scale = np.full(m.shape, np.nan), []
         for k, (label, colour, belongs) in enumerate(_REGIMES):
@@ -69,27 +92,57 @@ def _add_layer(figure: go.Figure, m: StabilityMap, layer: str, predicted: Predic
             code[mask] = k
             scale += [(k / len(_REGIMES), colour), ((k + 1) / len(_REGIMES), colour)]
             if mask.any():
-                figure.add_scatter(x=[None], y=[None], mode="markers", name=label, showlegend=True,
-                                   marker={"color": colour, "size": 11, "symbol": "square"})
-        shown: dict = hover(m, "") | {"z": code, "zmin": -0.5, "zmax": len(_REGIMES) - 0.5, "colorscale": scale,
-                 "showscale": False}
+                figure.add_scatter(
+                    x=[None],
+                    y=[None],
+                    mode="markers",
+                    name=label,
+                    showlegend=True,
+                    marker={"color": colour, "size": 11, "symbol": "square"},
+                )
+        shown: dict = hover(m, "") | {
+            "z": code,
+            "zmin": -0.5,
+            "zmax": len(_REGIMES) - 0.5,
+            "colorscale": scale,
+            "showscale": False,
+        }
     else:
         shown = _layer(m, layer, predicted)
-    figure.add_heatmap(x=m.bearing_number, y=m.rotor_mass, **shown | {"z": shown["z"].T.astype(np.float32)})
+    figure.add_heatmap(
+        x=m.bearing_number, y=m.rotor_mass, **shown | {"z": shown["z"].T.astype(np.float32)}
+    )
 
 
 def _add_line(figure: go.Figure, name: str, x, y, z, level: float, dash: str) -> None:
-    """A level of z (x, y) as a black line on a white one, to be seen on every colour; found here, not in the browser."""
+    """A level of z (x, y) as a black line on a white one, to be seen on every colour; found here,
+    not in the browser.
+    """
     pieces = contour_generator(x, y, z.T).lines(level)
     gap = np.full((1, 2), np.nan)
     path = np.concatenate([part for piece in pieces for part in (piece, gap)] or [gap])
-    for line, shown in (({"color": "#ffffff", "width": 4.5}, False), ({"color": "#000000", "width": 2, "dash": dash}, True)):
-        figure.add_scatter(x=path[:, 0], y=path[:, 1], mode="lines", line=line, name=name, showlegend=shown,
-                           legendgroup=name, hoverinfo="skip")
+    for line, shown in (
+        ({"color": "#ffffff", "width": 4.5}, False),
+        ({"color": "#000000", "width": 2, "dash": dash}, True),
+    ):
+        figure.add_scatter(
+            x=path[:, 0],
+            y=path[:, 1],
+            mode="lines",
+            line=line,
+            name=name,
+            showlegend=shown,
+            legendgroup=name,
+            hoverinfo="skip",
+        )
 
 
-def map_figure(m: StabilityMap, layer: str = "MLE", predicted: PredictedMap | None = None,
-               table: LinearTable | None = None) -> go.Figure:
+def map_figure(
+    m: StabilityMap,
+    layer: str = "MLE",
+    predicted: PredictedMap | None = None,
+    table: LinearTable | None = None,
+) -> go.Figure:
     """The stability map with the border of chaos.
 
     Parameters
@@ -112,20 +165,56 @@ def map_figure(m: StabilityMap, layer: str = "MLE", predicted: PredictedMap | No
     chaos = gaussian_filter((m.regime == "chaotic").astype(float), _SMOOTHED, mode="nearest")
     _add_line(figure, "border of chaos", m.bearing_number, m.rotor_mass, chaos, 0.5, "solid")
     if table is not None:
-        _add_line(figure, "linear stability threshold", table.bearing_number, table.rotor_mass,
-                  (table.bearing_number[:, None] * table.rate).astype(np.float32), 0.0, "dash")
+        _add_line(
+            figure,
+            "linear stability threshold",
+            table.bearing_number,
+            table.rotor_mass,
+            (table.bearing_number[:, None] * table.rate).astype(np.float32),
+            0.0,
+            "dash",
+        )
     (x0, x1), y_range = _span(m.bearing_number), _span(m.rotor_mass)
     rpm = m.design.speed_rpm(1.0)
-    figure.add_scatter(x=[None], y=[None], xaxis="x2", showlegend=False, hoverinfo="skip")  # an axis is drawn with a trace only
+    figure.add_scatter(
+        x=[None], y=[None], xaxis="x2", showlegend=False, hoverinfo="skip"
+    )  # an axis is drawn with a trace only
     figure.update_layout(
-        xaxis={"title": BEARING_NUMBER_LABEL, "showgrid": False, "zeroline": False, "range": [x0, x1]},
+        xaxis={
+            "title": BEARING_NUMBER_LABEL,
+            "showgrid": False,
+            "zeroline": False,
+            "range": [x0, x1],
+        },
         # both horizontal axes are zoomed together: they lie over each other
-        xaxis2={"title": {"text": "Shaft speed, rpm", "standoff": 6}, "overlaying": "x", "side": "top", "tickmode": "auto",
-                "showgrid": False, "zeroline": False, "range": [rpm * x0, rpm * x1], "tickformat": ",.0f"},
+        xaxis2={
+            "title": {"text": "Shaft speed, rpm", "standoff": 6},
+            "overlaying": "x",
+            "side": "top",
+            "tickmode": "auto",
+            "showgrid": False,
+            "zeroline": False,
+            "range": [rpm * x0, rpm * x1],
+            "tickformat": ",.0f",
+        },
         yaxis={"title": MASS_LABEL, "showgrid": False, "zeroline": False, "range": y_range},
-        uirevision="map", datarevision=1, dragmode="zoom", margin={"l": 55, "r": 5, "t": 55, "b": 95}, height=HEIGHT,
-        legend={"orientation": "h", "yref": "container", "y": 0, "yanchor": "bottom", "x": 0, "bgcolor": "#ffffff",
-                "font": {"color": "#000000"}, "itemclick": False, "itemdoubleclick": False})
+        uirevision="map",
+        datarevision=1,
+        dragmode="zoom",
+        margin={"l": 55, "r": 5, "t": 55, "b": 95},
+        height=HEIGHT,
+        legend={
+            "orientation": "h",
+            "yref": "container",
+            "y": 0,
+            "yanchor": "bottom",
+            "x": 0,
+            "bgcolor": "#ffffff",
+            "font": {"color": "#000000"},
+            "itemclick": False,
+            "itemdoubleclick": False,
+        },
+    )
     return figure
 
 
@@ -137,6 +226,19 @@ def _span(axis: np.ndarray) -> list[float]:
 
 def mark_trace(bearing_number: float, rotor_mass: float, **options) -> dict:
     """A cross at an operating point (rotor mass in kg), as a trace's dictionary."""
-    return {"type": "scatter", "x": [bearing_number], "y": [rotor_mass], "mode": "markers", "name": CHOSEN, "showlegend": False,
-            "hoverinfo": "skip", "marker": {"symbol": "x", "size": 13, "color": "#000000",
-                                            "line": {"color": "#ffffff", "width": 1.5}}, **options}
+    return {
+        "type": "scatter",
+        "x": [bearing_number],
+        "y": [rotor_mass],
+        "mode": "markers",
+        "name": CHOSEN,
+        "showlegend": False,
+        "hoverinfo": "skip",
+        "marker": {
+            "symbol": "x",
+            "size": 13,
+            "color": "#000000",
+            "line": {"color": "#ffffff", "width": 1.5},
+        },
+        **options,
+    }

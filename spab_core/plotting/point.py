@@ -1,4 +1,6 @@
-"""Plotly figures of one operating point: orbits, section, exponent, spectrum, signals, film and forces."""
+"""Plotly figures of one operating point: orbits, section, exponent, spectrum, signals, film and
+forces.
+"""
 
 from __future__ import annotations
 
@@ -15,18 +17,39 @@ QUANTITIES = ("Pressure", "Film thickness")  # that may colour the film
 FILM_SHARE = 0.25  # of the sphere's radius: what one clearance is drawn as
 MAX_ORDER = 4.0
 _MAX_SECTION = 400  # points drawn over an orbit
-_COLOURS = {"film": JOURNAL, "contact": SECTION, "unbalance": DISC, "gravity": "#009E73", "shaft": "#CC79A7"}
+_COLOURS = {
+    "film": JOURNAL,
+    "contact": SECTION,
+    "unbalance": DISC,
+    "gravity": "#009E73",
+    "shaft": "#CC79A7",
+}
 _TITLE = {"font_size": 14}
 
 
 def _square(figure, title, reach=1.08):
     circle = np.linspace(0, 2 * np.pi, 181)
-    figure.add_scatter(x=np.cos(circle), y=np.sin(circle), mode="lines", name="clearance", hoverinfo="skip",
-                       line={"color": NEUTRAL, "width": 1.5, "dash": "dash"})
+    figure.add_scatter(
+        x=np.cos(circle),
+        y=np.sin(circle),
+        mode="lines",
+        name="clearance",
+        hoverinfo="skip",
+        line={"color": NEUTRAL, "width": 1.5, "dash": "dash"},
+    )
     figure.update_layout(
-        title={"text": title, **_TITLE}, xaxis={"title": "X / C", "range": [-reach, reach], "constrain": "domain"},
-        yaxis={"title": "Y / C", "range": [-reach, reach], "scaleanchor": "x", "constrain": "domain"},
-        margin={"l": 50, "r": 10, "t": 40, "b": 40}, height=340, legend={"orientation": "h", "y": -0.22, "x": 0})
+        title={"text": title, **_TITLE},
+        xaxis={"title": "X / C", "range": [-reach, reach], "constrain": "domain"},
+        yaxis={
+            "title": "Y / C",
+            "range": [-reach, reach],
+            "scaleanchor": "x",
+            "constrain": "domain",
+        },
+        margin={"l": 50, "r": 10, "t": 40, "b": 40},
+        height=340,
+        legend={"orientation": "h", "y": -0.22, "x": 0},
+    )
     return figure
 
 
@@ -42,26 +65,51 @@ def orbit_figure(point: OperatingPoint, run_up: np.ndarray | None = None) -> go.
     ----------
     point : OperatingPoint
     run_up : ndarray, (n, 8), optional
-        Rotor states of the first revolutions: drawn dimmed under the orbits, and the section points over them.
+        Rotor states of the first revolutions: drawn dimmed under the orbits, and the section points
+        over them.
     """
     path = point.trajectory.path.reshape(-1, 8).astype(np.float32)
-    figure, early = go.Figure(), np.empty((0, 8), np.float32) if run_up is None else run_up.astype(np.float32)
+    figure, early = (
+        go.Figure(),
+        np.empty((0, 8), np.float32) if run_up is None else run_up.astype(np.float32),
+    )
     if len(early):
-        dimmed = {"opacity": 0.4, "line": {"color": NEUTRAL, "width": 0.8}} if len(path) else {"line": {"color": JOURNAL}}
+        dimmed = (
+            {"opacity": 0.4, "line": {"color": NEUTRAL, "width": 0.8}}
+            if len(path)
+            else {"line": {"color": JOURNAL}}
+        )
         figure.add_scatter(x=early[:, 0], y=early[:, 1], mode="lines", name="run-up", **dimmed)
     if not point.design.rigid:
-        figure.add_scatter(x=path[:, 2], y=path[:, 3], mode="lines", name="disc", line={"color": DISC, "width": 1})
-    figure.add_scatter(x=path[:, 0], y=path[:, 1], mode="lines", name="journal", line={"color": JOURNAL, "width": 1})
+        figure.add_scatter(
+            x=path[:, 2], y=path[:, 3], mode="lines", name="disc", line={"color": DISC, "width": 1}
+        )
+    figure.add_scatter(
+        x=path[:, 0],
+        y=path[:, 1],
+        mode="lines",
+        name="journal",
+        line={"color": JOURNAL, "width": 1},
+    )
     if run_up is not None:
         _section(figure, point, 4)
-    title = f"Orbits, last {len(point.trajectory.path)} revolutions" if len(path) else f"Journal: {point.trajectory.status}"
+    title = (
+        f"Orbits, last {len(point.trajectory.path)} revolutions"
+        if len(path)
+        else f"Journal: {point.trajectory.status}"
+    )
     return _square(figure, title, _reach(path, early))
 
 
 def _section(figure, point, size):
     section = point.trajectory.section[-_MAX_SECTION:]
-    figure.add_scatter(x=section[:, 0], y=section[:, 1], mode="markers", name="at τ = 2πk",
-                       marker={"color": SECTION, "size": size})
+    figure.add_scatter(
+        x=section[:, 0],
+        y=section[:, 1],
+        mode="markers",
+        name="at τ = 2πk",
+        marker={"color": SECTION, "size": size},
+    )
 
 
 def section_figure(point: OperatingPoint) -> go.Figure:
@@ -84,15 +132,31 @@ def body_figure(point: OperatingPoint, body: str, run_up: np.ndarray) -> go.Figu
     first, colour = (0, JOURNAL) if body == "journal" else (2, DISC)
     path, figure = point.trajectory.path.reshape(-1, 8), go.Figure()
     section = point.trajectory.section[-_MAX_SECTION:]
-    marks = {"mode": "markers", "marker": {"color": JOURNAL if body == "disc" else SECTION, "size": 4}}
+    marks = {
+        "mode": "markers",
+        "marker": {"color": JOURNAL if body == "disc" else SECTION, "size": 4},
+    }
     for name, states, style in (
-            ("run-up", run_up, {"mode": "lines", "opacity": 0.45, "line": {"color": NEUTRAL, "width": 0.8}}),
-            (body, path, {"mode": "lines", "line": {"color": colour, "width": 1}}), ("at τ = 2πk", section, marks)):
+        (
+            "run-up",
+            run_up,
+            {"mode": "lines", "opacity": 0.45, "line": {"color": NEUTRAL, "width": 0.8}},
+        ),
+        (body, path, {"mode": "lines", "line": {"color": colour, "width": 1}}),
+        ("at τ = 2πk", section, marks),
+    ):
         if len(states):
-            figure.add_scatter(x=states[:, first].astype(np.float32), y=states[:, first + 1].astype(np.float32), name=name,
-                               **style)
-    return _square(figure, f"{body.capitalize()}, last {len(point.trajectory.path)} revolutions",
-                   _reach(path, run_up)).update_layout(height=460)
+            figure.add_scatter(
+                x=states[:, first].astype(np.float32),
+                y=states[:, first + 1].astype(np.float32),
+                name=name,
+                **style,
+            )
+    return _square(
+        figure,
+        f"{body.capitalize()}, last {len(point.trajectory.path)} revolutions",
+        _reach(path, run_up),
+    ).update_layout(height=460)
 
 
 def exponent_figure(point: OperatingPoint) -> go.Figure:
@@ -101,22 +165,48 @@ def exponent_figure(point: OperatingPoint) -> go.Figure:
     if point.mle:
         trace = point.mle.trace
         n = np.arange(1, len(trace) + 1)
-        low, high = point.mle.value - point.mle.standard_error, point.mle.value + point.mle.standard_error
+        low, high = (
+            point.mle.value - point.mle.standard_error,
+            point.mle.value + point.mle.standard_error,
+        )
         figure.add_hrect(y0=low, y1=high, fillcolor=JOURNAL, opacity=0.15, line_width=0)
         figure.add_hline(y=point.mle.value, line={"color": JOURNAL, "dash": "dot", "width": 1})
-        figure.add_scatter(x=n, y=trace, mode="lines", line={"color": JOURNAL}, name="running estimate", showlegend=False)
-        settled = trace[len(trace) // 10:]
+        figure.add_scatter(
+            x=n,
+            y=trace,
+            mode="lines",
+            line={"color": JOURNAL},
+            name="running estimate",
+            showlegend=False,
+        )
+        settled = trace[len(trace) // 10 :]
         span = max(float(np.ptp(settled)), 0.02)
-        figure.update_yaxes(range=[min(settled.min(), low, 0) - 0.3 * span, max(settled.max(), high, 0) + 0.3 * span])
+        figure.update_yaxes(
+            range=[
+                min(settled.min(), low, 0) - 0.3 * span,
+                max(settled.max(), high, 0) + 0.3 * span,
+            ]
+        )
     figure.add_hline(y=0, line={"color": NEUTRAL, "dash": "dash", "width": 1})
     return figure.update_layout(
-        title={"text": "Running exponent (dotted: final value, band: ± one standard error)", "font_size": 14}, height=340,
-        xaxis={"title": "revolutions with a tangent" if point.trajectory.settled else "revolutions measured"},
+        title={
+            "text": "Running exponent (dotted: final value, band: ± one standard error)",
+            "font_size": 14,
+        },
+        height=340,
+        xaxis={
+            "title": "revolutions with a tangent"
+            if point.trajectory.settled
+            else "revolutions measured"
+        },
         yaxis={"title": "MLE per revolution"},
-        margin={"l": 60, "r": 10, "t": 40, "b": 40})
+        margin={"l": 60, "r": 10, "t": 40, "b": 40},
+    )
 
 
-def spectrum_figure(spectra: dict[str, Spectrum], clearance: float, title: str = "Amplitude spectrum") -> go.Figure:
+def spectrum_figure(
+    spectra: dict[str, Spectrum], clearance: float, title: str = "Amplitude spectrum"
+) -> go.Figure:
     """Amplitudes in µm over orders of the running speed, the half-speed line marked.
 
     Parameters
@@ -127,39 +217,78 @@ def spectrum_figure(spectra: dict[str, Spectrum], clearance: float, title: str =
         C in m.
     """
     figure, top = go.Figure(), 0.0
-    for (name, s), colour, dash in zip(spectra.items(), (JOURNAL, SECTION, DISC, "#009E73"), ("solid", "dot", "solid", "dot"),
-                                       strict=False):
+    for (name, s), colour, dash in zip(
+        spectra.items(),
+        (JOURNAL, SECTION, DISC, "#009E73"),
+        ("solid", "dot", "solid", "dot"),
+        strict=False,
+    ):
         shown = s.order <= MAX_ORDER
         amplitude = 1e6 * clearance * s.amplitude[shown]
         top = max(top, float(amplitude.max()))
-        figure.add_scatter(x=s.order[shown].astype(np.float32), y=np.maximum(amplitude, 1e-9).astype(np.float32), mode="lines",
-                           name=name, line={"color": colour, "width": 1.5, "dash": dash},
-                           hovertemplate="order %{x:.2f}: %{y:.3g} µm")
-    figure.add_vline(x=0.5, line={"color": NEUTRAL, "dash": "dash", "width": 1.5}, annotation_text="½ speed",
-                     annotation_position="top right", annotation_font_color=NEUTRAL)
+        figure.add_scatter(
+            x=s.order[shown].astype(np.float32),
+            y=np.maximum(amplitude, 1e-9).astype(np.float32),
+            mode="lines",
+            name=name,
+            line={"color": colour, "width": 1.5, "dash": dash},
+            hovertemplate="order %{x:.2f}: %{y:.3g} µm",
+        )
+    figure.add_vline(
+        x=0.5,
+        line={"color": NEUTRAL, "dash": "dash", "width": 1.5},
+        annotation_text="½ speed",
+        annotation_position="top right",
+        annotation_font_color=NEUTRAL,
+    )
     high = np.log10(max(top, 1e-6)) + 0.3
     return figure.update_layout(
-        title={"text": title, **_TITLE}, height=340, margin={"l": 60, "r": 10, "t": 40, "b": 40},
+        title={"text": title, **_TITLE},
+        height=340,
+        margin={"l": 60, "r": 10, "t": 40, "b": 40},
         xaxis={"title": "order of the running speed", "range": [0, MAX_ORDER], "dtick": 0.5},
-        yaxis={"title": "amplitude, µm", "type": "log", "range": [high - 4.3, high], "exponentformat": "power", "dtick": 1},
-        legend={"orientation": "h", "y": -0.22, "x": 0}, showlegend=True, hovermode="x")
+        yaxis={
+            "title": "amplitude, µm",
+            "type": "log",
+            "range": [high - 4.3, high],
+            "exponentformat": "power",
+            "dtick": 1,
+        },
+        legend={"orientation": "h", "y": -0.22, "x": 0},
+        showlegend=True,
+        hovermode="x",
+    )
 
 
 def signals_figure(point: OperatingPoint, revolutions: int = 8) -> go.Figure:
     """X2, Y2, X1, Y1 over the last recorded revolutions."""
     path = point.trajectory.path[-revolutions:]
     count, samples, _ = path.shape
-    states, n = path.reshape(-1, 8), np.arange(count * samples) / samples + point.trajectory.completed - count
+    states, n = (
+        path.reshape(-1, 8),
+        np.arange(count * samples) / samples + point.trajectory.completed - count,
+    )
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06)
     for row, first, body, index in ((1, 0, "journal", 2), (2, 2, "disc", 1)):
         for k, (axis, colour) in enumerate((("X", JOURNAL), ("Y", SECTION))):
-            figure.add_scatter(x=n, y=states[:, first + k].astype(np.float32), mode="lines", name=f"{axis}{'₁₂'[index - 1]}",
-                               line={"color": colour, "width": 1.5, "dash": "solid" if row == 1 else "dot"}, row=row, col=1)
+            figure.add_scatter(
+                x=n,
+                y=states[:, first + k].astype(np.float32),
+                mode="lines",
+                name=f"{axis}{'₁₂'[index - 1]}",
+                line={"color": colour, "width": 1.5, "dash": "solid" if row == 1 else "dot"},
+                row=row,
+                col=1,
+            )
         figure.update_yaxes(title=f"{body}, / C", row=row, col=1)
     figure.update_xaxes(title="revolutions since the start", row=2, col=1)
-    return figure.update_layout(title={"text": f"Positions over the last {count} revolutions", **_TITLE}, height=465,
-                                margin={"l": 60, "r": 10, "t": 40, "b": 40}, hovermode="x",
-                                legend={"orientation": "h", "y": -0.14, "x": 0})
+    return figure.update_layout(
+        title={"text": f"Positions over the last {count} revolutions", **_TITLE},
+        height=465,
+        margin={"l": 60, "r": 10, "t": 40, "b": 40},
+        hovermode="x",
+        legend={"orientation": "h", "y": -0.14, "x": 0},
+    )
 
 
 def forces_figure(revolution: Revolution) -> go.Figure:
@@ -168,18 +297,40 @@ def forces_figure(revolution: Revolution) -> go.Figure:
     found = forces(revolution)
     total = np.sum([found[name] for name in FORCES], axis=0)
     for row, axis in ((1, "X"), (2, "Y")):
-        common = {"x": revolution.angle, "mode": "lines", "row": row, "col": 1, "showlegend": row == 1}
+        common = {
+            "x": revolution.angle,
+            "mode": "lines",
+            "row": row,
+            "col": 1,
+            "showlegend": row == 1,
+        }
         for name, values in found.items():
             if np.isfinite(values).all():
                 dash = {"gravity": "dash", "shaft": "dot"}.get(name, "solid")
-                figure.add_scatter(y=values[:, row - 1].astype(np.float32), name=name, legendgroup=name,
-                                   line={"color": _COLOURS[name], "dash": dash, "width": 1.5}, **common)
-        figure.add_scatter(y=total[:, row - 1].astype(np.float32), name="sum without shaft = m a", legendgroup="sum",
-                           line={"color": NEUTRAL, "width": 3}, opacity=0.5, **common)
+                figure.add_scatter(
+                    y=values[:, row - 1].astype(np.float32),
+                    name=name,
+                    legendgroup=name,
+                    line={"color": _COLOURS[name], "dash": dash, "width": 1.5},
+                    **common,
+                )
+        figure.add_scatter(
+            y=total[:, row - 1].astype(np.float32),
+            name="sum without shaft = m a",
+            legendgroup="sum",
+            line={"color": NEUTRAL, "width": 3},
+            opacity=0.5,
+            **common,
+        )
         figure.update_yaxes(title=f"{axis}, N", row=row, col=1)
     figure.update_xaxes(title="shaft angle, degrees", range=[0, 360], dtick=45, row=2, col=1)
-    return figure.update_layout(title={"text": "Forces over one revolution", **_TITLE}, height=465, hovermode="x",
-                                margin={"l": 60, "r": 10, "t": 40, "b": 40}, legend={"orientation": "h", "y": -0.14, "x": 0})
+    return figure.update_layout(
+        title={"text": "Forces over one revolution", **_TITLE},
+        height=465,
+        hovermode="x",
+        margin={"l": 60, "r": 10, "t": 40, "b": 40},
+        legend={"orientation": "h", "y": -0.14, "x": 0},
+    )
 
 
 def _triangles(around: int, across: int) -> dict[str, np.ndarray]:
@@ -191,9 +342,13 @@ def _triangles(around: int, across: int) -> dict[str, np.ndarray]:
 
 
 def _wall(edge: float) -> dict[str, np.ndarray]:
-    """The bearing's band up to the latitude ``edge`` as lines on the unit sphere: both edges, the equator, 24 meridians."""
+    """The bearing's band up to the latitude ``edge`` as lines on the unit sphere: both edges, the
+    equator, 24 meridians.
+    """
     circle, arc, gap = np.linspace(0.0, 2.0 * np.pi, 91), np.linspace(-edge, edge, 9), [np.nan]
-    azimuth = [np.r_[circle, gap]] * 3 + [np.r_[np.full(9, a), gap] for a in np.arange(24) * (np.pi / 12.0)]
+    azimuth = [np.r_[circle, gap]] * 3 + [
+        np.r_[np.full(9, a), gap] for a in np.arange(24) * (np.pi / 12.0)
+    ]
     latitude = [np.full(92, k * edge) for k in (-1.0, 0.0, 1.0)] + [np.r_[arc, gap]] * 24
     a, l = np.concatenate(azimuth), np.concatenate(latitude)
     points = (np.cos(l) * np.cos(a), np.cos(l) * np.sin(a), np.sin(l) + 0.0 * a)
@@ -201,13 +356,15 @@ def _wall(edge: float) -> dict[str, np.ndarray]:
 
 
 def film_figure(revolution: Revolution, colour: str = "Pressure") -> go.Figure:
-    """The journal's surface within the band over one revolution, 24 frames; the gap is drawn a few hundred times wider.
+    """The journal's surface within the band over one revolution, 24 frames; the gap is drawn a few
+    hundred times wider.
 
     Parameters
     ----------
     revolution : Revolution
     colour : str
-        One of :data:`QUANTITIES`: gauge pressure in kPa or film thickness in µm. The height is the film in either case.
+        One of :data:`QUANTITIES`: gauge pressure in kPa or film thickness in µm. The height is the
+        film in either case.
     """
     film, d = surface(revolution), revolution.design
     if colour == QUANTITIES[0]:
@@ -225,33 +382,100 @@ def film_figure(revolution: Revolution, colour: str = "Pressure") -> go.Figure:
         return dict(zip("xyz", (a.ravel().astype(np.float32) for a in points), strict=True))
 
     def journal(k):
-        return sphere(1.0 - FILM_SHARE * film.thickness[k]) | {"intensity": values[k].ravel().astype(np.float32)}
+        return sphere(1.0 - FILM_SHARE * film.thickness[k]) | {
+            "intensity": values[k].ravel().astype(np.float32)
+        }
 
     corners = _triangles(len(film.azimuth), len(film.latitude))
-    bar = {"title": f"{'gauge pressure' if unit == 'kPa' else 'thickness'}, {unit}", "thickness": 12, "len": 0.8, "x": 1.0,
-           "title_side": "right"}
+    bar = {
+        "title": f"{'gauge pressure' if unit == 'kPa' else 'thickness'}, {unit}",
+        "thickness": 12,
+        "len": 0.8,
+        "x": 1.0,
+        "title_side": "right",
+    }
     light = {"ambient": 0.85, "diffuse": 0.3, "specular": 0.05}
-    first = go.Mesh3d(**journal(0), **corners, **scale, name="journal", colorbar=bar, lighting=light,
-                      hovertemplate=f"%{{intensity:.3g}} {unit}<extra></extra>")
+    first = go.Mesh3d(
+        **journal(0),
+        **corners,
+        **scale,
+        name="journal",
+        colorbar=bar,
+        lighting=light,
+        hovertemplate=f"%{{intensity:.3g}} {unit}<extra></extra>",
+    )
     grey = {"color": NEUTRAL, "width": 3}
-    wall = go.Scatter3d(**_wall(film.latitude[-1]), mode="lines", line=grey, hoverinfo="skip", name="wall", showlegend=False)
-    axes = go.Scatter3d(x=[1.13, 0.0, 0.0], y=[0.0, 1.13, -1.13], z=[0.0] * 3, mode="text", text=["X", "Y", "−Y, gravity"],
-                        textfont={"color": NEUTRAL, "size": 13}, hoverinfo="skip", name="axes", showlegend=False)
+    wall = go.Scatter3d(
+        **_wall(film.latitude[-1]),
+        mode="lines",
+        line=grey,
+        hoverinfo="skip",
+        name="wall",
+        showlegend=False,
+    )
+    axes = go.Scatter3d(
+        x=[1.13, 0.0, 0.0],
+        y=[0.0, 1.13, -1.13],
+        z=[0.0] * 3,
+        mode="text",
+        text=["X", "Y", "−Y, gravity"],
+        textfont={"color": NEUTRAL, "size": 13},
+        hoverinfo="skip",
+        name="axes",
+        showlegend=False,
+    )
     names = [f"{angle:.0f}" for angle in film.angle]
-    frames = [go.Frame(data=[go.Mesh3d(**journal(k))], traces=[0], name=name) for k, name in enumerate(names)]
+    frames = [
+        go.Frame(data=[go.Mesh3d(**journal(k))], traces=[0], name=name)
+        for k, name in enumerate(names)
+    ]
     figure = go.Figure([first, wall, axes], frames=frames)
-    still = {"mode": "immediate", "transition": {"duration": 0}, "frame": {"duration": 0, "redraw": True}}
+    still = {
+        "mode": "immediate",
+        "transition": {"duration": 0},
+        "frame": {"duration": 0, "redraw": True},
+    }
     play = still | {"frame": {"duration": 90, "redraw": True}, "fromcurrent": True}
     hidden, flat = {"visible": False, "range": [-1.2, 1.2]}, float(up.max())
     return figure.update_layout(
-        height=380, margin={"l": 0, "r": 0, "t": 0, "b": 80}, uirevision="film",
-        scene={"xaxis": hidden, "yaxis": hidden, "zaxis": {"visible": False, "range": [-1.2 * flat, 1.2 * flat]},
-               "aspectmode": "manual", "aspectratio": {"x": 1.0, "y": 1.0, "z": flat},
-               "camera": {"eye": {"x": 0.6, "y": -0.92, "z": 0.8}}},
-        updatemenus=[{"type": "buttons", "direction": "left", "x": 0.0, "y": 0.0, "xanchor": "left", "yanchor": "top",
-                      "pad": {"t": 28}, "showactive": False, "bgcolor": "#e0e0e0", "font": {"color": "#202020"}, "buttons": [
-                          {"label": "▶ Play", "method": "animate", "args": [None, play]},
-                          {"label": "❚❚ Pause", "method": "animate", "args": [[None], still]}]}],
-        sliders=[{"x": 0.3, "len": 0.68, "y": 0.0, "pad": {"t": 5}, "tickcolor": NEUTRAL,
-                  "currentvalue": {"prefix": "shaft angle ", "suffix": "°"},
-                  "steps": [{"label": n, "method": "animate", "args": [[n], still]} for n in names]}])
+        height=380,
+        margin={"l": 0, "r": 0, "t": 0, "b": 80},
+        uirevision="film",
+        scene={
+            "xaxis": hidden,
+            "yaxis": hidden,
+            "zaxis": {"visible": False, "range": [-1.2 * flat, 1.2 * flat]},
+            "aspectmode": "manual",
+            "aspectratio": {"x": 1.0, "y": 1.0, "z": flat},
+            "camera": {"eye": {"x": 0.6, "y": -0.92, "z": 0.8}},
+        },
+        updatemenus=[
+            {
+                "type": "buttons",
+                "direction": "left",
+                "x": 0.0,
+                "y": 0.0,
+                "xanchor": "left",
+                "yanchor": "top",
+                "pad": {"t": 28},
+                "showactive": False,
+                "bgcolor": "#e0e0e0",
+                "font": {"color": "#202020"},
+                "buttons": [
+                    {"label": "▶ Play", "method": "animate", "args": [None, play]},
+                    {"label": "❚❚ Pause", "method": "animate", "args": [[None], still]},
+                ],
+            }
+        ],
+        sliders=[
+            {
+                "x": 0.3,
+                "len": 0.68,
+                "y": 0.0,
+                "pad": {"t": 5},
+                "tickcolor": NEUTRAL,
+                "currentvalue": {"prefix": "shaft angle ", "suffix": "°"},
+                "steps": [{"label": n, "method": "animate", "args": [[n], still]} for n in names],
+            }
+        ],
+    )

@@ -1,4 +1,6 @@
-"""Figures of a map or of orbits as plain pictures, shown at once: Plotly takes a browser over a second to draw its own."""
+"""Figures of a map or of orbits as plain pictures, shown at once: Plotly takes a browser over a
+second to draw its own.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,10 @@ def _channels(scale) -> tuple[np.ndarray, np.ndarray]:
 def _limits(trace: go.Heatmap) -> tuple[float, float]:
     """Values at the ends of a heatmap's colours."""
     z = np.asarray(trace.z, float)
-    low, high = (np.nanmin(z) if trace.zmin is None else trace.zmin), (np.nanmax(z) if trace.zmax is None else trace.zmax)
+    low, high = (
+        (np.nanmin(z) if trace.zmin is None else trace.zmin),
+        (np.nanmax(z) if trace.zmax is None else trace.zmax),
+    )
     return float(low), float(high if high > low else low + 1.0)
 
 
@@ -44,14 +49,19 @@ def _image(trace: go.Heatmap) -> str:
     z, (low, high) = np.asarray(trace.z, float)[::-1], _limits(trace)
     place, colours = _channels(trace.colorscale)
     share = np.nan_to_num(np.clip((z - low) / (high - low), 0.0, 1.0))
-    rgba = np.stack([np.interp(share, place, c) for c in colours.T] + [np.where(np.isnan(z), 0.0, 255.0)], axis=-1)
+    rgba = np.stack(
+        [np.interp(share, place, c) for c in colours.T] + [np.where(np.isnan(z), 0.0, 255.0)],
+        axis=-1,
+    )
     file = io.BytesIO()
     Image.fromarray(rgba.round().astype(np.uint8)).save(file, "PNG")
     return base64.b64encode(file.getvalue()).decode()
 
 
 def ticks(low: float, high: float, most: int) -> np.ndarray:
-    """Multiples of 1, 2 or 5 times a power of ten within an axis, at most so many and at least half as many or so."""
+    """Multiples of 1, 2 or 5 times a power of ten within an axis, at most so many and at least half
+    as many or so.
+    """
     rough = abs(high - low) / most
     power = 10.0 ** np.floor(np.log10(rough))
     step = next(k * power for k in (1, 2, 5, 10) if k * power >= rough)
@@ -72,15 +82,24 @@ def _line(trace: go.Scatter, x_range, y_range) -> str:
             words.append(pen + here)
         pen, last = "L", here
     dash = ' stroke-dasharray="9"' if trace.line.dash == "dash" else ""
-    return (f'<path d="{"".join(words)}" fill="none" stroke="{trace.line.color}" stroke-width="{trace.line.width}"{dash} '
-            'vector-effect="non-scaling-stroke"/>')
+    return (
+        f'<path d="{"".join(words)}" fill="none" stroke="{trace.line.color}" '
+        f'stroke-width="{trace.line.width}"{dash} '
+        'vector-effect="non-scaling-stroke"/>'
+    )
 
 
 def _lines(figure: go.Figure) -> str:
     """All its lines, as an image."""
     x, y = figure.layout.xaxis.range, figure.layout.yaxis.range
-    return _svg(1000, "".join(_line(t, x, y) for t in figure.data
-                              if t.type == "scatter" and t.mode == "lines" and t.line.color))
+    return _svg(
+        1000,
+        "".join(
+            _line(t, x, y)
+            for t in figure.data
+            if t.type == "scatter" and t.mode == "lines" and t.line.color
+        ),
+    )
 
 
 def _legend(figure: go.Figure, style: str) -> str:
@@ -89,8 +108,12 @@ def _legend(figure: go.Figure, style: str) -> str:
     for t in figure.data:
         if t.type != "scatter" or t.showlegend is False:
             continue
-        look = (f'class="spab-square" style="background:{t.marker.color}"' if t.mode == "markers" else
-                f'style="border-top:{t.line.width}px {"dashed" if t.line.dash == "dash" else "solid"} {t.line.color}"')
+        look = (
+            f'class="spab-square" style="background:{t.marker.color}"'
+            if t.mode == "markers"
+            else f'style="border-top:{t.line.width}px '
+            f'{"dashed" if t.line.dash == "dash" else "solid"} {t.line.color}"'
+        )
         told.append(f"<i><s {look}></s>{html.escape(t.name)}</i>")
     return f'<div class="spab-key" style="{style}">{"".join(told)}</div>'
 
@@ -103,20 +126,32 @@ def _svg(size: int, paths: str, kind: str = "") -> str:
 
 
 def _axes(layout: go.Layout, low: int, left: int) -> str:
-    """Numbers and titles of the axes; ``low``, ``left``: pixels from the plot to the titles below and beside it."""
-    told = [f'<b style="left:50%;bottom:-{low}px;translate:-50%">{html.escape(layout.xaxis.title.text)}</b>',
-            f'<b style="left:-{left}px;top:50%;translate:-50% -50%;rotate:-90deg">{html.escape(layout.yaxis.title.text)}</b>']
+    """Numbers and titles of the axes; ``low``, ``left``: pixels from the plot to the titles below
+    and beside it.
+    """
+    told = [
+        f'<b style="left:50%;bottom:-{low}px;translate:-50%">{html.escape(layout.xaxis.title.text)}</b>',
+        f'<b style="left:-{left}px;top:50%;translate:-50% '
+        f'-50%;rotate:-90deg">{html.escape(layout.yaxis.title.text)}</b>',
+    ]
     axes = [(layout.xaxis, "g", "bottom:-31px")]
     if "xaxis2" in layout:
-        told.append(f'<b style="left:50%;top:-39px;translate:-50%">{html.escape(layout.xaxis2.title.text)}</b>')
+        told.append(
+            f'<b style="left:50%;top:-39px;translate:-50%">{html.escape(layout.xaxis2.title.text)}</b>'
+        )
         axes.append((layout.xaxis2, ",.0f", "top:-20px"))
     for axis, numbers, place in axes:
         a, b = axis.range
-        told += [f'<i style="left:{100 * (v - a) / (b - a):.2f}%;{place};translate:-50%">{_number(v, numbers)}</i>'
-                 for v in ticks(a, b, 6)]
+        told += [
+            f'<i style="left:{100 * (v - a) / (b - a):.2f}%;{place};translate:-50%">{_number(v, numbers)}</i>'
+            for v in ticks(a, b, 6)
+        ]
     a, b = layout.yaxis.range
-    told += [f'<i style="right:calc(100% + 14px);top:{100 * (b - v) / (b - a):.2f}%;translate:0 -50%">{_number(v)}</i>'
-             for v in ticks(a, b, 6)]
+    told += [
+        f'<i style="right:calc(100% + 14px);top:{100 * (b - v) / (b - a):.2f}%;translate:0 '
+        f'-50%">{_number(v)}</i>'
+        for v in ticks(a, b, 6)
+    ]
     return "".join(told)
 
 
@@ -129,13 +164,22 @@ def _bar(trace: go.Heatmap) -> str:
     if trace.showscale is False:
         return ""
     place, colours = _channels(trace.colorscale)
-    stops = ",".join(f"rgb({r:.0f},{g:.0f},{b:.0f}) {100 * p:.1f}%" for p, (r, g, b) in zip(place, colours, strict=True))
+    stops = ",".join(
+        f"rgb({r:.0f},{g:.0f},{b:.0f}) {100 * p:.1f}%"
+        for p, (r, g, b) in zip(place, colours, strict=True)
+    )
     low, high = _limits(trace)
-    numbers = "".join(f'<i style="left:16px;top:{100 * (high - v) / (high - low):.2f}%;translate:0 -50%">{_number(v)}</i>'
-                      for v in ticks(low, high, 6))
+    numbers = "".join(
+        f'<i style="left:16px;top:{100 * (high - v) / (high - low):.2f}%;translate:0 '
+        f'-50%">{_number(v)}</i>'
+        for v in ticks(low, high, 6)
+    )
     title = html.escape(trace.colorbar.title.text)
-    return (f'<div style="left:calc(100% + 13px);top:10px;bottom:10px;width:13px;background:linear-gradient(0deg,{stops})">'
-            f'{numbers}<b style="left:49px;top:50%;translate:-50% -50%;rotate:-90deg">{title}</b></div>')
+    return (
+        '<div style="left:calc(100% + '
+        f'13px);top:10px;bottom:10px;width:13px;background:linear-gradient(0deg,{stops})">'
+        f'{numbers}<b style="left:49px;top:50%;translate:-50% -50%;rotate:-90deg">{title}</b></div>'
+    )
 
 
 @dataclass(frozen=True)
@@ -161,8 +205,13 @@ class Still:
     shape: tuple[int, int]
 
     def marked(self, x: float, y: float) -> str:
-        """HTML of any width, a ``div`` of the class ``spab-still`` with its style; a cross at (x, y)."""
-        left, top = ((x - self.x[0]) / (self.x[1] - self.x[0]), (self.y[1] - y) / (self.y[1] - self.y[0]))
+        """HTML of any width, a ``div`` of the class ``spab-still`` with its style; a cross at (x,
+        y).
+        """
+        left, top = (
+            (x - self.x[0]) / (self.x[1] - self.x[0]),
+            (self.y[1] - y) / (self.y[1] - self.y[0]),
+        )
         return _picture(self.inside, self.height, f"--x:{100 * left:.2f}%;--y:{100 * top:.2f}%")
 
 
@@ -172,28 +221,49 @@ def _picture(inside: str, height: int, style: str = "") -> str:
 
 # Margins below are, in pixels, where Plotly puts the axes of these figures.
 
+
 def still(figure: go.Figure) -> Still:
-    """The picture of a figure of ``figures_map.map_figure``: a heatmap, lines over it, a second horizontal axis."""
+    """The picture of a figure of ``figures_map.map_figure``: a heatmap, lines over it, a second
+    horizontal axis.
+    """
     heat = next(t for t in figure.data if t.type == "heatmap")
     layout = figure.layout
-    cross = "".join(f'<path d="M5 5L15 15M15 5L5 15" stroke="{colour}" stroke-width="{width}"/>'
-                    for colour, width in (("#fff", 6), ("#000", 4)))
+    cross = "".join(
+        f'<path d="M5 5L15 15M15 5L5 15" stroke="{colour}" stroke-width="{width}"/>'
+        for colour, width in (("#fff", 6), ("#000", 4))
+    )
     right = 5 if heat.showscale is False else 80
-    inside = (f'<div class="spab-plot" style="margin:55px {right}px 67px 67px">'
-              f'<img alt="" decoding="sync" src="data:image/png;base64,{_image(heat)}">{_lines(figure)}'
-              f'{_svg(20, cross, "spab-cross")}{_axes(layout, 56, 54)}{_bar(heat)}</div>'
-              f'{_legend(figure, "margin-left:67px;background:#fff;color:#000")}')
-    return Still(inside, layout.height, tuple(layout.xaxis.range), tuple(layout.yaxis.range), np.shape(heat.z)[::-1])
+    inside = (
+        f'<div class="spab-plot" style="margin:55px {right}px 67px 67px">'
+        f'<img alt="" decoding="sync" src="data:image/png;base64,{_image(heat)}">{_lines(figure)}'
+        f"{_svg(20, cross, 'spab-cross')}{_axes(layout, 56, 54)}{_bar(heat)}</div>"
+        f"{_legend(figure, 'margin-left:67px;background:#fff;color:#000')}"
+    )
+    return Still(
+        inside,
+        layout.height,
+        tuple(layout.xaxis.range),
+        tuple(layout.yaxis.range),
+        np.shape(heat.z)[::-1],
+    )
 
 
 def orbit_still(figure: go.Figure) -> str:
-    """The picture of a figure of ``figures_point.orbit_figure``: lines in a square; HTML as of :meth:`Still.marked`."""
+    """The picture of a figure of ``figures_point.orbit_figure``: lines in a square; HTML as of
+    :meth:`Still.marked`.
+    """
     layout = figure.layout
     side, (low, high) = layout.height - 111, layout.xaxis.range
-    grid = "".join(f'<path d="M{at:.0f} 0V1000M0 {at:.0f}H1000" stroke="{_GRID}" vector-effect="non-scaling-stroke"/>'
-                   for at in 1000.0 * (ticks(low, high, 6) - low) / (high - low))
+    grid = "".join(
+        f'<path d="M{at:.0f} 0V1000M0 {at:.0f}H1000" stroke="{_GRID}" '
+        'vector-effect="non-scaling-stroke"/>'
+        for at in 1000.0 * (ticks(low, high, 6) - low) / (high - low)
+    )
     return _picture(
         f'<b style="position:absolute;left:4px;top:4px;font-weight:600">{html.escape(layout.title.text)}</b>'
-        f'<div class="spab-plot" style="margin:30px 0 42px calc(50% + 20px - {side / 2}px);width:{side}px">'
-        f'{_svg(1000, grid)}{_lines(figure)}{_axes(layout, 51, 50)}</div>'
-        f'{_legend(figure, "margin:0 0 10px 45px")}', layout.height)
+        '<div class="spab-plot" style="margin:30px 0 42px calc(50% + 20px - '
+        f'{side / 2}px);width:{side}px">'
+        f"{_svg(1000, grid)}{_lines(figure)}{_axes(layout, 51, 50)}</div>"
+        f"{_legend(figure, 'margin:0 0 10px 45px')}",
+        layout.height,
+    )

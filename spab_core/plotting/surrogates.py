@@ -1,4 +1,6 @@
-"""Plotly figures of surrogates: predicted maps, their errors and uncertainty, rankings, refinement, the map's audit."""
+"""Plotly figures of surrogates: predicted maps, their errors and uncertainty, rankings, refinement,
+the map's audit.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,15 @@ from spab_core.active_learning.committee import LABELS
 from spab_core.active_learning.learning_curve import COMMITTEE, summary
 from spab_core.active_learning.refine import Refinement
 from spab_core.maps.stability_map import StabilityMap
-from spab_core.plotting.theme import BEARING_NUMBER_LABEL, DISC, JOURNAL, MASS_LABEL, MLE_LIMIT, NEUTRAL, SECTION
+from spab_core.plotting.theme import (
+    BEARING_NUMBER_LABEL,
+    DISC,
+    JOURNAL,
+    MASS_LABEL,
+    MLE_LIMIT,
+    NEUTRAL,
+    SECTION,
+)
 from spab_core.surrogates.models import MODELS, PredictedMap
 from spab_core.surrogates.uncertainty import MapIntervals
 
@@ -19,7 +29,8 @@ ERROR_AXES: dict = {"xaxis": "x3", "yaxis": "y3"}  # of the third map
 
 
 def surrogate_figure(m: StabilityMap, predicted: PredictedMap) -> go.Figure:
-    """Solved map, predicted map and the absolute error of the prediction, side by side on the same axes.
+    """Solved map, predicted map and the absolute error of the prediction, side by side on the same
+    axes.
 
     Parameters
     ----------
@@ -29,30 +40,74 @@ def surrogate_figure(m: StabilityMap, predicted: PredictedMap) -> go.Figure:
     Returns
     -------
     Figure
-        Three heatmaps, the error on :data:`ERROR_AXES`; the first two share the diverging scale of :func:`map_figure`.
-        Training cells have no error to show.
+        Three heatmaps, the error on :data:`ERROR_AXES`; the first two share the diverging scale of
+        :func:`map_figure`. Training cells have no error to show.
     """
     error = np.where(predicted.trained, np.nan, np.abs(predicted.mle - m.mle))
     top = max(float(np.nanquantile(error, 0.98)), 1e-3) if np.isfinite(error).any() else 1.0
-    figure = make_subplots(rows=1, cols=3, shared_yaxes=True, horizontal_spacing=0.02,
-                           subplot_titles=("Solved", f"Predicted: {predicted.model.label}", "Error of held-out cells"))
+    figure = make_subplots(
+        rows=1,
+        cols=3,
+        shared_yaxes=True,
+        horizontal_spacing=0.02,
+        subplot_titles=("Solved", f"Predicted: {predicted.model.label}", "Error of held-out cells"),
+    )
     figure.update_layout(
-        coloraxis={"colorscale": "RdBu_r", "cmin": -MLE_LIMIT, "cmax": MLE_LIMIT,
-                   "colorbar": {"title": "MLE per revolution", "thickness": 12, "x": 1.01, "title_side": "right"}},
-        coloraxis2={"colorscale": "Cividis", "cmin": 0.0, "cmax": top,
-                    "colorbar": {"title": "|error| per revolution", "thickness": 12, "x": 1.1, "title_side": "right"}})
-    for k, (z, axis) in enumerate(((m.mle, "coloraxis"), (predicted.mle, "coloraxis"), (error, "coloraxis2")), start=1):
-        figure.add_heatmap(x=m.bearing_number, y=m.rotor_mass, z=z.T.astype(np.float32), coloraxis=axis, row=1, col=k,
-                           hovertemplate="Λ %{x:.3f}, %{y:.2f} kg: %{z:.3f}<extra></extra>")
+        coloraxis={
+            "colorscale": "RdBu_r",
+            "cmin": -MLE_LIMIT,
+            "cmax": MLE_LIMIT,
+            "colorbar": {
+                "title": "MLE per revolution",
+                "thickness": 12,
+                "x": 1.01,
+                "title_side": "right",
+            },
+        },
+        coloraxis2={
+            "colorscale": "Cividis",
+            "cmin": 0.0,
+            "cmax": top,
+            "colorbar": {
+                "title": "|error| per revolution",
+                "thickness": 12,
+                "x": 1.1,
+                "title_side": "right",
+            },
+        },
+    )
+    for k, (z, axis) in enumerate(
+        ((m.mle, "coloraxis"), (predicted.mle, "coloraxis"), (error, "coloraxis2")), start=1
+    ):
+        figure.add_heatmap(
+            x=m.bearing_number,
+            y=m.rotor_mass,
+            z=z.T.astype(np.float32),
+            coloraxis=axis,
+            row=1,
+            col=k,
+            hovertemplate="Λ %{x:.3f}, %{y:.2f} kg: %{z:.3f}<extra></extra>",
+        )
         figure.update_xaxes(title=BEARING_NUMBER_LABEL, showgrid=False, row=1, col=k)
-    told = np.where(predicted.trained, "trained on", np.where(np.isnan(error), "no exponent", np.char.mod("%.3f", error)))
-    figure.data[-1].update(text=told.T, hovertemplate="Λ %{x:.3f}, %{y:.2f} kg: %{text}<extra></extra>")
+    told = np.where(
+        predicted.trained,
+        "trained on",
+        np.where(np.isnan(error), "no exponent", np.char.mod("%.3f", error)),
+    )
+    figure.data[-1].update(
+        text=told.T, hovertemplate="Λ %{x:.3f}, %{y:.2f} kg: %{text}<extra></extra>"
+    )
     figure.update_yaxes(showgrid=False)
     figure.update_yaxes(title=MASS_LABEL, row=1, col=1)
     figure.update_xaxes(range=_ends(m.bearing_number))  # or a mark at the edge would widen them
     figure.update_yaxes(range=_ends(m.rotor_mass))
-    return figure.update_layout(height=400, margin={"l": 60, "r": 10, "t": 40, "b": 50}, dragmode="zoom", uirevision="maps",
-                                datarevision=1)
+    return figure.update_layout(
+        height=400,
+        margin={"l": 60, "r": 10, "t": 40, "b": 50},
+        dragmode="zoom",
+        uirevision="maps",
+        datarevision=1,
+    )
 
 
 def _ends(values: np.ndarray) -> list[float]:
@@ -64,34 +119,85 @@ def _ends(values: np.ndarray) -> list[float]:
 def uncertainty_figure(m: StabilityMap, found: MapIntervals) -> go.Figure:
     """Width of the 90 % intervals and probability of instability over the plane, side by side."""
     width = found.high - found.low
-    top = max(float(np.nanquantile(width, 0.9)), 1e-3)  # the strongly damped corner is tens of times wider
-    figure = make_subplots(rows=1, cols=2, shared_yaxes=True, horizontal_spacing=0.14,
-                           subplot_titles=("Width of the 90 % interval", "Probability of instability (not periodic)"))
-    for k, (z, scale, highest, x, title) in enumerate(((width, "Cividis", top, 0.435, "per revolution"),
-                                                       (found.unstable, "RdBu_r", 1.0, 1.01, "probability")), start=1):
-        figure.add_heatmap(x=m.bearing_number, y=m.rotor_mass, z=z.T.astype(np.float32), colorscale=scale, zmin=0.0,
-                           zmax=highest, colorbar={"title": title, "thickness": 12, "x": x, "title_side": "right"},
-                           hovertemplate="Λ %{x:.3f}, %{y:.2f} kg: %{z:.3f}<extra></extra>", row=1, col=k)
+    top = max(
+        float(np.nanquantile(width, 0.9)), 1e-3
+    )  # the strongly damped corner is tens of times wider
+    figure = make_subplots(
+        rows=1,
+        cols=2,
+        shared_yaxes=True,
+        horizontal_spacing=0.14,
+        subplot_titles=("Width of the 90 % interval", "Probability of instability (not periodic)"),
+    )
+    for k, (z, scale, highest, x, title) in enumerate(
+        (
+            (width, "Cividis", top, 0.435, "per revolution"),
+            (found.unstable, "RdBu_r", 1.0, 1.01, "probability"),
+        ),
+        start=1,
+    ):
+        figure.add_heatmap(
+            x=m.bearing_number,
+            y=m.rotor_mass,
+            z=z.T.astype(np.float32),
+            colorscale=scale,
+            zmin=0.0,
+            zmax=highest,
+            colorbar={"title": title, "thickness": 12, "x": x, "title_side": "right"},
+            hovertemplate="Λ %{x:.3f}, %{y:.2f} kg: %{z:.3f}<extra></extra>",
+            row=1,
+            col=k,
+        )
         figure.update_xaxes(title=BEARING_NUMBER_LABEL, showgrid=False, row=1, col=k)
     figure.update_yaxes(showgrid=False)
     figure.update_yaxes(title=MASS_LABEL, row=1, col=1)
-    return figure.update_layout(height=400, margin={"l": 60, "r": 10, "t": 40, "b": 50}, dragmode="zoom")
+    return figure.update_layout(
+        height=400, margin={"l": 60, "r": 10, "t": 40, "b": 50}, dragmode="zoom"
+    )
 
 
 def reliability_figure(bins: pd.DataFrame) -> go.Figure:
     """Observed share of unstable cells over the probability told, from ``uncertainty.reliability``."""
     figure = go.Figure()
-    figure.add_scatter(x=[0, 1], y=[0, 1], mode="lines", name="perfect", line={"color": NEUTRAL, "dash": "dash", "width": 1})
-    figure.add_scatter(x=bins["predicted"], y=bins["observed"], mode="lines+markers", name="held-out cells",
-                       line={"color": JOURNAL}, customdata=bins["cells"],
-                       hovertemplate="told %{x:.2f}, found %{y:.2f}, %{customdata:,} cells<extra></extra>")
-    return figure.update_layout(xaxis={"title": "probability of instability told", "range": [-0.02, 1.02]},
-                                yaxis={"title": "share found unstable", "range": [-0.02, 1.02]}, height=340,
-                                margin={"l": 60, "r": 10, "t": 20, "b": 50}, legend={"x": 0.02, "y": 0.98})
+    figure.add_scatter(
+        x=[0, 1],
+        y=[0, 1],
+        mode="lines",
+        name="perfect",
+        line={"color": NEUTRAL, "dash": "dash", "width": 1},
+    )
+    figure.add_scatter(
+        x=bins["predicted"],
+        y=bins["observed"],
+        mode="lines+markers",
+        name="held-out cells",
+        line={"color": JOURNAL},
+        customdata=bins["cells"],
+        hovertemplate="told %{x:.2f}, found %{y:.2f}, %{customdata:,} cells<extra></extra>",
+    )
+    return figure.update_layout(
+        xaxis={"title": "probability of instability told", "range": [-0.02, 1.02]},
+        yaxis={"title": "share found unstable", "range": [-0.02, 1.02]},
+        height=340,
+        margin={"l": 60, "r": 10, "t": 20, "b": 50},
+        legend={"x": 0.02, "y": 0.98},
+    )
 
 
-_MODEL_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#808080", "#56B4E9", "#CC79A7", "#a08000", "#6050c0", "#30a0a0",
-                  "#8a5a44", "#c03050")
+_MODEL_COLOURS = (
+    "#0072B2",
+    "#E69F00",
+    "#009E73",
+    "#D55E00",
+    "#808080",
+    "#56B4E9",
+    "#CC79A7",
+    "#a08000",
+    "#6050c0",
+    "#30a0a0",
+    "#8a5a44",
+    "#c03050",
+)
 
 
 def fraction_figure(means: pd.DataFrame, deviations: pd.DataFrame, label: str) -> go.Figure:
@@ -100,7 +206,8 @@ def fraction_figure(means: pd.DataFrame, deviations: pd.DataFrame, label: str) -
     Parameters
     ----------
     means, deviations : DataFrame
-        Rows n/2 ... n/8, a column for each model (``evaluation.table`` without its last three rows, ``evaluation.spread``).
+        Rows n/2 ... n/8, a column for each model (``evaluation.table`` without its last three rows,
+        ``evaluation.spread``).
     label : str
         Of the vertical axis, with its unit.
     """
@@ -109,13 +216,29 @@ def fraction_figure(means: pd.DataFrame, deviations: pd.DataFrame, label: str) -
     for name in means.columns:
         k = order.index(name)
         dash = {"paper": "solid", "interpolation": "dot", "better": "dash"}[MODELS[name].group]
-        figure.add_scatter(x=list(means.index), y=means[name], mode="lines+markers", name=MODELS[name].label,
-                           line={"color": _MODEL_COLOURS[k % len(_MODEL_COLOURS)], "dash": dash},
-                           error_y={"type": "data", "array": deviations[name].fillna(0.0), "thickness": 1, "width": 3})
-    return figure.update_layout(xaxis={"title": "cells trained on, of n"},
-                                yaxis={"title": f"{label} (log scale)", "type": "log",
-                                       "tickvals": [digit * 10.0**k for k in range(-3, 2) for digit in (1, 2, 5)]},
-                                height=420, margin={"l": 60, "r": 10, "t": 20, "b": 50})
+        figure.add_scatter(
+            x=list(means.index),
+            y=means[name],
+            mode="lines+markers",
+            name=MODELS[name].label,
+            line={"color": _MODEL_COLOURS[k % len(_MODEL_COLOURS)], "dash": dash},
+            error_y={
+                "type": "data",
+                "array": deviations[name].fillna(0.0),
+                "thickness": 1,
+                "width": 3,
+            },
+        )
+    return figure.update_layout(
+        xaxis={"title": "cells trained on, of n"},
+        yaxis={
+            "title": f"{label} (log scale)",
+            "type": "log",
+            "tickvals": [digit * 10.0**k for k in range(-3, 2) for digit in (1, 2, 5)],
+        },
+        height=420,
+        margin={"l": 60, "r": 10, "t": 20, "b": 50},
+    )
 
 
 REFINE_LAYERS = ("Regime", "MLE", "Probability unstable")
@@ -142,39 +265,100 @@ def refinement_figure(r: Refinement, layer: str = "Regime") -> go.Figure:
             code[r.regime == label] = k
             scale += [(k / len(LABELS), colour), ((k + 1) / len(LABELS), colour)]
             if (r.regime == label).any():
-                figure.add_scatter(x=[None], y=[None], mode="markers", name=label or "no exponent (run fails)", showlegend=True,
-                                   marker={"color": colour, "size": 12, "symbol": "square"})
-        figure.add_heatmap(z=code.T, zmin=-0.5, zmax=len(LABELS) - 0.5, colorscale=scale, showscale=False,
-                           text=np.where(r.regime == "", "no exponent", r.regime).T,
-                           hovertemplate=f"{where}: %{{text}} predicted<extra></extra>", **common)
+                figure.add_scatter(
+                    x=[None],
+                    y=[None],
+                    mode="markers",
+                    name=label or "no exponent (run fails)",
+                    showlegend=True,
+                    marker={"color": colour, "size": 12, "symbol": "square"},
+                )
+        figure.add_heatmap(
+            z=code.T,
+            zmin=-0.5,
+            zmax=len(LABELS) - 0.5,
+            colorscale=scale,
+            showscale=False,
+            text=np.where(r.regime == "", "no exponent", r.regime).T,
+            hovertemplate=f"{where}: %{{text}} predicted<extra></extra>",
+            **common,
+        )
     elif layer == "MLE":
-        figure.add_heatmap(z=r.mle.T.astype(np.float32), zmin=-MLE_LIMIT, zmax=MLE_LIMIT, colorscale="RdBu_r",
-                           colorbar={"title": "MLE per revolution, predicted", **bar},
-                           hovertemplate=f"{where}: MLE %{{z:.3f}} predicted<extra></extra>", **common)
+        figure.add_heatmap(
+            z=r.mle.T.astype(np.float32),
+            zmin=-MLE_LIMIT,
+            zmax=MLE_LIMIT,
+            colorscale="RdBu_r",
+            colorbar={"title": "MLE per revolution, predicted", **bar},
+            hovertemplate=f"{where}: MLE %{{z:.3f}} predicted<extra></extra>",
+            **common,
+        )
     else:
-        figure.add_heatmap(z=r.unstable.T.astype(np.float32), zmin=0.0, zmax=1.0, colorscale="Cividis",
-                           colorbar={"title": "probability of chaos or failure", **bar},
-                           hovertemplate=f"{where}: probability %{{z:.2f}}<extra></extra>", **common)
+        figure.add_heatmap(
+            z=r.unstable.T.astype(np.float32),
+            zmin=0.0,
+            zmax=1.0,
+            colorscale="Cividis",
+            colorbar={"title": "probability of chaos or failure", **bar},
+            hovertemplate=f"{where}: probability %{{z:.2f}}<extra></extra>",
+            **common,
+        )
     # as cells of a second heatmap: some thousand markers take a browser half a second
-    figure.add_heatmap(z=np.where(r.solved, np.float32(1.0), np.float32(np.nan)).T, colorscale=[[0, "#000000"], [1, "#000000"]],
-                       showscale=False, hoverinfo="skip", **common)
-    figure.add_scatter(x=[None], y=[None], mode="markers", name=f"solved ({int(r.solved.sum()):,})", showlegend=True,
-                       marker={"color": "#000000", "size": 7, "symbol": "square",
-                               "line": {"color": "#999999", "width": 1}})  # black on a dark page
+    figure.add_heatmap(
+        z=np.where(r.solved, np.float32(1.0), np.float32(np.nan)).T,
+        colorscale=[[0, "#000000"], [1, "#000000"]],
+        showscale=False,
+        hoverinfo="skip",
+        **common,
+    )
+    figure.add_scatter(
+        x=[None],
+        y=[None],
+        mode="markers",
+        name=f"solved ({int(r.solved.sum()):,})",
+        showlegend=True,
+        marker={
+            "color": "#000000",
+            "size": 7,
+            "symbol": "square",
+            "line": {"color": "#999999", "width": 1},
+        },
+    )  # black on a dark page
     row, column = np.unravel_index(r.suggested, r.batch.shape)
-    figure.add_scatter(x=r.bearing_number[row], y=r.rotor_mass[column], mode="markers", name=f"solve next ({len(row)})",
-                       hovertemplate=f"solve next: {where}<extra></extra>",
-                       marker={"color": "#CC79A7", "size": 12, "symbol": "star", "line": {"color": "#000000", "width": 1}})
+    figure.add_scatter(
+        x=r.bearing_number[row],
+        y=r.rotor_mass[column],
+        mode="markers",
+        name=f"solve next ({len(row)})",
+        hovertemplate=f"solve next: {where}<extra></extra>",
+        marker={
+            "color": "#CC79A7",
+            "size": 12,
+            "symbol": "star",
+            "line": {"color": "#000000", "width": 1},
+        },
+    )
     figure.update_layout(
         xaxis={"title": BEARING_NUMBER_LABEL, "showgrid": False, "range": _ends(r.bearing_number)},
         yaxis={"title": MASS_LABEL, "showgrid": False, "range": _ends(r.rotor_mass)},
-        margin={"l": 60, "r": 10, "t": 30, "b": 50}, height=560, dragmode="zoom", datarevision=1,
-        legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0, "itemsizing": "constant"})
+        margin={"l": 60, "r": 10, "t": 30, "b": 50},
+        height=560,
+        dragmode="zoom",
+        datarevision=1,
+        legend={
+            "orientation": "h",
+            "y": 1.0,
+            "yanchor": "bottom",
+            "x": 0,
+            "itemsizing": "constant",
+        },
+    )
     return figure
 
 
 def learning_curve_figure(rows: pd.DataFrame, judged: str = "unsolved") -> go.Figure:
-    """RMSE and F1 of chaos over the number of solved cells, chosen and drawn at random, with their spread over the seeds.
+    """RMSE and F1 of chaos over the number of solved cells, chosen and drawn at random, with their
+    spread over the seeds.
 
     Parameters
     ----------
@@ -185,43 +369,112 @@ def learning_curve_figure(rows: pd.DataFrame, judged: str = "unsolved") -> go.Fi
     """
     table = summary(rows, judged)
     solved = rows.groupby("divisor")["solved"].first()
-    figure = make_subplots(rows=1, cols=2, horizontal_spacing=0.1,
-                           subplot_titles=("RMSE per revolution (log scale)", "F1 of chaos"))
+    figure = make_subplots(
+        rows=1,
+        cols=2,
+        horizontal_spacing=0.1,
+        subplot_titles=("RMSE per revolution (log scale)", "F1 of chaos"),
+    )
     for k, metric in enumerate(("rmse", "chaos_f1"), start=1):
-        for strategy, name, colour in (("refine", "chosen by spab refine", SECTION), ("random", "drawn at random", JOURNAL)):
+        for strategy, name, colour in (
+            ("refine", "chosen by spab refine", SECTION),
+            ("random", "drawn at random", JOURNAL),
+        ):
             found = table.loc[(strategy, COMMITTEE)][metric]
-            figure.add_scatter(x=solved[found.index], y=found["mean"], mode="lines+markers", name=name, legendgroup=strategy,
-                               showlegend=k == 1, line={"color": colour}, row=1, col=k,
-                               error_y={"type": "data", "array": found["std"].fillna(0.0), "thickness": 1, "width": 3})
+            figure.add_scatter(
+                x=solved[found.index],
+                y=found["mean"],
+                mode="lines+markers",
+                name=name,
+                legendgroup=strategy,
+                showlegend=k == 1,
+                line={"color": colour},
+                row=1,
+                col=k,
+                error_y={
+                    "type": "data",
+                    "array": found["std"].fillna(0.0),
+                    "thickness": 1,
+                    "width": 3,
+                },
+            )
         others = table.loc["random"][metric]["mean"].drop(COMMITTEE)
         if len(others):
             best = others.idxmin() if metric == "rmse" else others.idxmax()
-            figure.add_scatter(x=[solved[best[1]]], y=[others[best]], mode="markers+text", text=[MODELS[best[0]].label],
-                               textposition="bottom left", name="best other model, random cells", legendgroup="other",
-                               showlegend=k == 1, marker={"color": NEUTRAL, "size": 11, "symbol": "diamond"}, row=1, col=k)
-        figure.update_xaxes(title="solved cells (log scale)", type="log", tickvals=list(solved),
-                            ticktext=[f"n/{d}<br>{c:,}" for d, c in solved.items()], row=1, col=k)
-    figure.update_yaxes(type="log", tickvals=[digit * 10.0**k for k in range(-3, 2) for digit in (1, 2, 5)], row=1, col=1)
-    return figure.update_layout(height=400, margin={"l": 60, "r": 10, "t": 50, "b": 70},
-                                legend={"orientation": "h", "y": 1.12, "yanchor": "bottom", "x": 0})
+            figure.add_scatter(
+                x=[solved[best[1]]],
+                y=[others[best]],
+                mode="markers+text",
+                text=[MODELS[best[0]].label],
+                textposition="bottom left",
+                name="best other model, random cells",
+                legendgroup="other",
+                showlegend=k == 1,
+                marker={"color": NEUTRAL, "size": 11, "symbol": "diamond"},
+                row=1,
+                col=k,
+            )
+        figure.update_xaxes(
+            title="solved cells (log scale)",
+            type="log",
+            tickvals=list(solved),
+            ticktext=[f"n/{d}<br>{c:,}" for d, c in solved.items()],
+            row=1,
+            col=k,
+        )
+    figure.update_yaxes(
+        type="log",
+        tickvals=[digit * 10.0**k for k in range(-3, 2) for digit in (1, 2, 5)],
+        row=1,
+        col=1,
+    )
+    return figure.update_layout(
+        height=400,
+        margin={"l": 60, "r": 10, "t": 50, "b": 70},
+        legend={"orientation": "h", "y": 1.12, "yanchor": "bottom", "x": 0},
+    )
 
 
 def audit_figure(rows: pd.DataFrame) -> go.Figure:
-    """Exponents of audited cells over those of the map, by the regime that the audit found (``artifacts.load_audit``)."""
+    """Exponents of audited cells over those of the map, by the regime that the audit found
+    (``artifacts.load_audit``).
+    """
     figure, ends = go.Figure(), [-1.6, 0.6]
-    figure.add_scatter(x=ends, y=ends, mode="lines", name="equal", line={"color": NEUTRAL, "dash": "dash", "width": 1})
+    figure.add_scatter(
+        x=ends,
+        y=ends,
+        mode="lines",
+        name="equal",
+        line={"color": NEUTRAL, "dash": "dash", "width": 1},
+    )
     for regime, colour in (("periodic", JOURNAL), ("quasi-periodic", DISC), ("chaotic", SECTION)):
         found = rows[rows["regime"] == regime]
         other = found["map_regime"] != regime
-        figure.add_scatter(x=found["map_mle"], y=found["mle"], mode="markers", name=f"{regime} ({len(found)})",
-                           error_y={"type": "data", "array": found["error"], "thickness": 1, "width": 0},
-                           marker={"color": colour, "size": np.where(other, 11, 6),
-                                   "symbol": np.where(other, "x", "circle")},
-                           customdata=found[["bearing_number", "rotor_mass_kg", "map_regime"]],
-                           hovertemplate="Λ %{customdata[0]:.3f}, %{customdata[1]:.2f} kg<br>map: %{customdata[2]}, "
-                                         f"%{{x:.4f}}<br>audit: {regime}, %{{y:.4f}}<extra></extra>")
+        figure.add_scatter(
+            x=found["map_mle"],
+            y=found["mle"],
+            mode="markers",
+            name=f"{regime} ({len(found)})",
+            error_y={"type": "data", "array": found["error"], "thickness": 1, "width": 0},
+            marker={
+                "color": colour,
+                "size": np.where(other, 11, 6),
+                "symbol": np.where(other, "x", "circle"),
+            },
+            customdata=found[["bearing_number", "rotor_mass_kg", "map_regime"]],
+            hovertemplate="Λ %{customdata[0]:.3f}, %{customdata[1]:.2f} kg<br>map: "
+            "%{customdata[2]}, "
+            f"%{{x:.4f}}<br>audit: {regime}, %{{y:.4f}}<extra></extra>",
+        )
     outside = int((rows["map_mle"] < ends[0]).sum())
     return figure.update_layout(
-        title={"text": f"Cells solved again (crosses: another regime; {outside} strongly damped cells are left of the axes)",
-               "font_size": 14}, height=430, xaxis={"title": "MLE of the map, per revolution", "range": ends},
-        yaxis={"title": "MLE of the audit, per revolution", "range": ends}, margin={"l": 60, "r": 10, "t": 40, "b": 50})
+        title={
+            "text": f"Cells solved again (crosses: another regime; {outside} strongly damped "
+            "cells are left of the axes)",
+            "font_size": 14,
+        },
+        height=430,
+        xaxis={"title": "MLE of the map, per revolution", "range": ends},
+        yaxis={"title": "MLE of the audit, per revolution", "range": ends},
+        margin={"l": 60, "r": 10, "t": 40, "b": 50},
+    )

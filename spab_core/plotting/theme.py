@@ -1,4 +1,7 @@
-"""What all Plotly figures share. Colours are the Okabe-Ito set; scales are safe for colour-blind eyes."""
+"""What all Plotly figures share.
+
+Colours are the Okabe-Ito set; scales are safe for colour-blind eyes.
+"""
 
 JOURNAL, DISC, SECTION, NEUTRAL = "#0072B2", "#E69F00", "#D55E00", "#808080"
 CHOSEN = "chosen point"  # name of the trace that marks it

@@ -20,7 +20,10 @@ from spab_core.surrogates.models import PredictedMap
 from spab_core.trajectory.regimes import REGIMES
 
 PNG_SIZE = (1200, 750)
-_CODES = {"regime": ("no exponent", *REGIMES), "status": STATUS}  # text arrays: NetCDF 3 has numbers with flag meanings
+_CODES = {
+    "regime": ("no exponent", *REGIMES),
+    "status": STATUS,
+}  # text arrays: NetCDF 3 has numbers with flag meanings
 _NUMBERS = {
     "mle": ("maximum Lyapunov exponent, natural logarithm", "per revolution"),
     "mle_standard_error": ("standard error of the exponent", "per revolution"),
@@ -33,7 +36,9 @@ _NUMBERS = {
 
 @functools.cache
 def browser_path() -> str | None:
-    """Chromium or Chrome of this machine, which draws PNG pictures and prints PDF; None where there is none."""
+    """Chromium or Chrome of this machine, which draws PNG pictures and prints PDF; None where there
+    is none.
+    """
     try:
         return Chromium.find_browser(skip_local=False)
     except (ChromeNotFoundError, OSError):
@@ -54,13 +59,18 @@ def figure_png(figure: go.Figure, width: int = PNG_SIZE[0], height: int = PNG_SI
         Where there is no browser, or it fails.
     """
     if browser_path() is None:
-        raise InputError("a PNG is drawn by Chromium or Chrome, and none is found on this machine: take the HTML instead")
+        raise InputError(
+            "a PNG is drawn by Chromium or Chrome, and none is found on this machine: take the "
+            "HTML instead"
+        )
     try:
-        return go.Figure(figure, layout_template="plotly_white").to_image(format="png", width=width, height=height, scale=2)
+        return go.Figure(figure, layout_template="plotly_white").to_image(
+            format="png", width=width, height=height, scale=2
+        )
     except (RuntimeError, OSError, ValueError) as error:
-        raise InputError(f"the browser did not draw the figure: {' '.join(str(error).split())[:200]}") from None
-
-
+        raise InputError(
+            f"the browser did not draw the figure: {' '.join(str(error).split())[:200]}"
+        ) from None
 
 
 def map_table(m: StabilityMap) -> pd.DataFrame:
@@ -68,25 +78,48 @@ def map_table(m: StabilityMap) -> pd.DataFrame:
     columns: dict[str, np.ndarray] = {
         "bearing_number": np.repeat(m.bearing_number, len(m.rotor_mass)),
         "speed_rpm": np.repeat(m.design.speed_rpm(1.0) * m.bearing_number, len(m.rotor_mass)),
-        "rotor_mass_kg": np.tile(m.rotor_mass, len(m.bearing_number))}
-    return pd.DataFrame(columns | {name: getattr(m, name).ravel() for name in (
-        "mle", "mle_standard_error", "regime", "period", "contact_share", "max_eccentricity", "status", "revolutions")})
+        "rotor_mass_kg": np.tile(m.rotor_mass, len(m.bearing_number)),
+    }
+    return pd.DataFrame(
+        columns
+        | {
+            name: getattr(m, name).ravel()
+            for name in (
+                "mle",
+                "mle_standard_error",
+                "regime",
+                "period",
+                "contact_share",
+                "max_eccentricity",
+                "status",
+                "revolutions",
+            )
+        }
+    )
 
 
 def prediction_table(m: StabilityMap, predicted: PredictedMap) -> pd.DataFrame:
     """A predicted map beside the solved one, one row a cell as in :func:`map_table`."""
     return map_table(m)[["bearing_number", "speed_rpm", "rotor_mass_kg", "mle"]].assign(
-        predicted_mle=predicted.mle.ravel(), trained=predicted.trained.ravel())
+        predicted_mle=predicted.mle.ravel(), trained=predicted.trained.ravel()
+    )
 
 
 def map_netcdf(m: StabilityMap) -> bytes:
-    """A map as a NetCDF file (classic format), with units, and regime and status as flags (CF conventions, section 3.5)."""
+    """A map as a NetCDF file (classic format), with units, and regime and status as flags (CF
+    conventions, section 3.5).
+    """
     buffer = io.BytesIO()
     file = netcdf_file(buffer, "w")
-    file.title, file.Conventions = "Stability map of a rotor on spherical porous gas bearings", "CF-1.11"
+    file.title, file.Conventions = (
+        "Stability map of a rotor on spherical porous gas bearings",
+        "CF-1.11",
+    )
     file.metadata = json.dumps(m.metadata)
-    axes = {"bearing_number": (m.bearing_number, "bearing number", "1"),
-            "rotor_mass": (m.rotor_mass, "rotor mass on one bearing", "kg")}
+    axes = {
+        "bearing_number": (m.bearing_number, "bearing number", "1"),
+        "rotor_mass": (m.rotor_mass, "rotor mass on one bearing", "kg"),
+    }
     for name, (values, text, unit) in axes.items():
         file.createDimension(name, len(values))
         _variable(file, name, values.astype(float), (name,), text, unit)

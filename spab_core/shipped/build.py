@@ -53,28 +53,38 @@ from spab_core.surrogates.metrics import SEEDS, evaluate, uncertainty_scores
 from spab_core.surrogates.models import DIVISORS, MODELS, Model, training_mask
 from spab_core.surrogates.uncertainty import TooFewCells, certainty, uncertain_map
 
-# tables of errors by file: the models in them (None: all), and what evaluation.evaluate is asked besides
+# tables of errors by file: the models in them (None: all), and what evaluation.evaluate is asked
+# besides
 TABLES: dict[str, tuple[tuple[str, ...] | None, dict]] = {
-    SCORES: (None, {}), BLOCK_SCORES: (None, {"split": "blocks"}), UNCERTAINTY: (("theory-trees",), {"uncertainty": True}),
+    SCORES: (None, {}),
+    BLOCK_SCORES: (None, {"split": "blocks"}),
+    UNCERTAINTY: (("theory-trees",), {"uncertainty": True}),
 }
-ALWAYS = (("forest", 8), DEFAULT)  # shipped whatever they take: the paper's best model, and the one that pages begin with
+ALWAYS = (
+    ("forest", 8),
+    DEFAULT,
+)  # shipped whatever they take: the paper's best model, and the one that pages begin with
 INTERVALS = (DEFAULT,)  # whose intervals can be told without training
 MAX_MODEL_BYTES = 2_000_000  # another model that is larger is trained on first use
 MAX_FOLDER_BYTES = 40_000_000  # of artifacts/ in all
 STEP = 2.0**-16  # of a shipped exponent, per revolution
-TOLERANCE = STEP  # per revolution, between a shipped map and what its model predicts, on another processor too
+# per revolution, between a shipped map and what its model predicts, on another processor too
+TOLERANCE = STEP
 _COMPRESSION = 10  # more than xz ever gains on a model
 
 
 def _ship(m: StabilityMap, name: str, divisor: int) -> tuple[np.ndarray, dict, bytes | None, dict]:
-    """Predicted map, what is said of the model, its file unless it is too large or an interpolation, which has none, and what
-    is noted with the file."""
+    """Predicted map, what is said of the model, its file unless it is too large or an
+    interpolation, which has none, and what is noted with the file."""
     kind = MODELS[name]
     predicted = train_on_map(m, kind, divisor, SEED)
     surrogate, data = predicted.surrogate, None
     if (name, divisor) in ALWAYS:
         data = dump(slim(plain(surrogate)))
-    elif kind.group != "interpolation" and len(dump(plain(surrogate), 0)) <= _COMPRESSION * MAX_MODEL_BYTES:
+    elif (
+        kind.group != "interpolation"
+        and len(dump(plain(surrogate), 0)) <= _COMPRESSION * MAX_MODEL_BYTES
+    ):
         data = dump(plain(surrogate))
     return rounded(predicted.mle), describe(surrogate), data, predictions(m, surrogate)
 
@@ -83,12 +93,18 @@ def ship_intervals(m: StabilityMap, name: str, divisor: int) -> tuple[bytes, dic
     """File of the models behind intervals, and what it was made from. Raises ``TooFewCells``."""
     kind = MODELS[name]
     known = certainty(m, kind, divisor, SEED)
-    source = intervals_source(m, kind, divisor, SEED) | describe(known.calibrated.surrogate) | predictions(m, known)
+    source = (
+        intervals_source(m, kind, divisor, SEED)
+        | describe(known.calibrated.surrogate)
+        | predictions(m, known)
+    )
     return dump([slim(fitted) for fitted in plain_certainty(known)]), source
 
 
 def slim(fitted: BaseEstimator) -> BaseEstimator:
-    """Zero, in place, what no prediction of a forest reads: impurities, counts, means of inner nodes; half of its file."""
+    """Zero, in place, what no prediction of a forest reads: impurities, counts, means of inner
+    nodes; half of its file.
+    """
     forest = fitted.regressor_[-1] if isinstance(fitted, TransformedTargetRegressor) else fitted
     for fitted_tree in forest.estimators_:
         tree = fitted_tree.tree_
@@ -100,18 +116,31 @@ def slim(fitted: BaseEstimator) -> BaseEstimator:
 
 
 def rounded(mle: np.ndarray) -> np.ndarray:
-    """Exponents as they are shipped: float32, to the nearest :data:`STEP`, which takes a third off the file."""
+    """Exponents as they are shipped: float32, to the nearest :data:`STEP`, which takes a third off
+    the file.
+    """
     return (np.round(mle / STEP) * STEP).astype(np.float32)
 
 
 def _choose(files: dict[str, dict[int, bytes | None]], room: int) -> dict[tuple[str, int], bytes]:
-    """The models to ship: those of :data:`ALWAYS`, then the smallest kinds first, as long as there is room."""
-    chosen = {(name, divisor): data for name, by_divisor in files.items() for divisor, data in by_divisor.items()
-              if data is not None and (name, divisor) in ALWAYS}
+    """The models to ship: those of :data:`ALWAYS`, then the smallest kinds first, as long as there
+    is room.
+    """
+    chosen = {
+        (name, divisor): data
+        for name, by_divisor in files.items()
+        for divisor, data in by_divisor.items()
+        if data is not None and (name, divisor) in ALWAYS
+    }
     room -= sum(map(len, chosen.values()))
-    small = {name: {k: data for k, data in by_divisor.items()
-                    if data is not None and len(data) <= MAX_MODEL_BYTES and (name, k) not in chosen}
-             for name, by_divisor in files.items()}
+    small = {
+        name: {
+            k: data
+            for k, data in by_divisor.items()
+            if data is not None and len(data) <= MAX_MODEL_BYTES and (name, k) not in chosen
+        }
+        for name, by_divisor in files.items()
+    }
     for name in sorted(small, key=lambda name: (sum(map(len, small[name].values())), name)):
         for divisor, data in sorted(small[name].items()):
             if len(data) <= room:
@@ -120,13 +149,20 @@ def _choose(files: dict[str, dict[int, bytes | None]], room: int) -> dict[tuple[
     return chosen
 
 
-def rebuild(m: StabilityMap, folder: Path = ARTIFACTS, *, models: Sequence[Model] = tuple(MODELS.values()),
-            divisors: Sequence[int] = DIVISORS, seeds: Sequence[int] = SEEDS, workers: int = 1,
-            progress: Callable[[int], None] | None = None) -> dict[str, int]:
+def rebuild(
+    m: StabilityMap,
+    folder: Path = ARTIFACTS,
+    *,
+    models: Sequence[Model] = tuple(MODELS.values()),
+    divisors: Sequence[int] = DIVISORS,
+    seeds: Sequence[int] = SEEDS,
+    workers: int = 1,
+    progress: Callable[[int], None] | None = None,
+) -> dict[str, int]:
     """Train everything that is shipped and write it: scores, predicted maps, models, the manifest.
 
-    The same map and versions give the same bytes, on one process or several. The manifest is written last, so an interrupted
-    run leaves files that are refused.
+    The same map and versions give the same bytes, on one process or several. The manifest is
+    written last, so an interrupted run leaves files that are refused.
 
     Parameters
     ----------
@@ -152,50 +188,73 @@ def rebuild(m: StabilityMap, folder: Path = ARTIFACTS, *, models: Sequence[Model
         Where the folder holds another map, or the map has too few cells.
     """
     source = made_from(m)
-    if (folder / REFERENCE_MAP).exists() and difference(source, made_from(load_map(folder / REFERENCE_MAP))):
+    if (folder / REFERENCE_MAP).exists() and difference(
+        source, made_from(load_map(folder / REFERENCE_MAP))
+    ):
         raise InputError(f"{folder} holds another map, {REFERENCE_MAP}: give an empty folder")
     count = int(np.isfinite(m.mle).sum())
     for divisor in divisors:
         training_mask(count, divisor, SEED)  # too few cells: said before an hour of training
     run = joblib.Parallel(n_jobs=workers, return_as="generator")
     with joblib.parallel_config(backend="loky", inner_max_num_threads=1), threadpool_limits(1):
-        tables = {name: evaluate(m, kinds, divisors, seeds, workers=workers, progress=progress, **options)
-                  for name, kinds, options in _tables(models)}
+        tables = {
+            name: evaluate(m, kinds, divisors, seeds, workers=workers, progress=progress, **options)
+            for name, kinds, options in _tables(models)
+        }
     jobs = [(kind.name, divisor) for kind in models for divisor in divisors]
     maps: dict[str, list] = {kind.name: [] for kind in models}
     about: dict[str, list] = {kind.name: [] for kind in models}
     files: dict[str, dict] = {kind.name: {} for kind in models}
     noted: dict[str, dict] = {}
     shipped = run(joblib.delayed(_ship)(m, *job) for job in jobs)
-    for (name, divisor), (mle, words, data, noted[model_file(MODELS[name], divisor)]) in zip(jobs, shipped, strict=True):
+    for (name, divisor), (mle, words, data, noted[model_file(MODELS[name], divisor)]) in zip(
+        jobs, shipped, strict=True
+    ):
         maps[name].append(mle)
         about[name].append(words)
         files[name][divisor] = data
         if progress:
             progress(1)
-    metadata = {"seed": SEED, "divisors": list(divisors), "design": source["design"], "map": source["map"], "models": about,
-                "masks": [_drawn(m, divisor) for divisor in divisors], "mle_unit": "per revolution, natural logarithm",
-                "dimensions": ["divisor", "bearing_number", "rotor_mass"]}
+    metadata = {
+        "seed": SEED,
+        "divisors": list(divisors),
+        "design": source["design"],
+        "map": source["map"],
+        "models": about,
+        "masks": [_drawn(m, divisor) for divisor in divisors],
+        "mle_unit": "per revolution, natural logarithm",
+        "dimensions": ["divisor", "bearing_number", "rotor_mass"],
+    }
     arrays = {"bearing_number": m.bearing_number, "rotor_mass": m.rotor_mass}
     arrays |= {name: np.stack(layers) for name, layers in maps.items()}
     written = {
-        name: scores[[c for c in scores.columns if not c.endswith("_seconds")]].to_csv(
-            index=False, lineterminator="\n").encode()
-        for name, scores in tables.items()}
-    written[PREDICTIONS] = npz_bytes(arrays | {"metadata": np.array(json.dumps(metadata, sort_keys=True))})
+        name: scores[[c for c in scores.columns if not c.endswith("_seconds")]]
+        .to_csv(index=False, lineterminator="\n")
+        .encode()
+        for name, scores in tables.items()
+    }
+    written[PREDICTIONS] = npz_bytes(
+        arrays | {"metadata": np.array(json.dumps(metadata, sort_keys=True))}
+    )
     sources = dict.fromkeys(written, source)
     for name, divisor in (job for job in INTERVALS if job in jobs):
         with contextlib.suppress(TooFewCells):
             path = intervals_file(MODELS[name], divisor)
             written[path], sources[path] = ship_intervals(m, name, divisor)
-    others = sum((folder / name).stat().st_size for name in present_files(folder)
-                 if name not in written and not _is_model(name))
+    others = sum(
+        (folder / name).stat().st_size
+        for name in present_files(folder)
+        if name not in written and not _is_model(name)
+    )
     room = MAX_FOLDER_BYTES - others - sum(map(len, written.values())) - 200_000  # the manifest
     for (name, divisor), data in _choose(files, room).items():
         path = model_file(MODELS[name], divisor)
         written[path] = data
-        sources[path] = (model_source(m, MODELS[name], divisor, SEED) | about[name][list(divisors).index(divisor)]
-                         | noted[path])
+        sources[path] = (
+            model_source(m, MODELS[name], divisor, SEED)
+            | about[name][list(divisors).index(divisor)]
+            | noted[path]
+        )
     for name in present_files(folder):
         if _is_model(name) and name not in written:
             (folder / name).unlink()
@@ -215,8 +274,10 @@ def trainings(models: Sequence[Model], divisors: Sequence[int], seeds: Sequence[
 
 def _tables(models: Sequence[Model]) -> list[tuple[str, list[Model], dict]]:
     """File, models and options of each table that has any of the models."""
-    found = [(name, [kind for kind in models if names is None or kind.name in names], options)
-             for name, (names, options) in TABLES.items()]
+    found = [
+        (name, [kind for kind in models if names is None or kind.name in names], options)
+        for name, (names, options) in TABLES.items()
+    ]
     return [job for job in found if job[1]]
 
 
@@ -231,26 +292,21 @@ def _drawn(m: StabilityMap, divisor: int) -> str:
     return mask_hash(trained)
 
 
-
-
-
-
-
-
-
-
-
-
-
-
-
-
 def _check_intervals(m, kind, divisor, folder):
-    found = uncertain_map(m, kind, divisor, SEED, known=load_shipped_certainty(m, kind, divisor, SEED, folder))
-    table = pd.read_csv(io.BytesIO(checked_bytes(UNCERTAINTY, folder))).set_index(["model", "divisor", "seed"])
+    found = uncertain_map(
+        m, kind, divisor, SEED, known=load_shipped_certainty(m, kind, divisor, SEED, folder)
+    )
+    table = pd.read_csv(io.BytesIO(checked_bytes(UNCERTAINTY, folder))).set_index(
+        ["model", "divisor", "seed"]
+    )
     if (kind.name, divisor, SEED) not in table.index:
-        raise ArtifactError(f"{kind.name} n/{divisor} is missing in {UNCERTAINTY}; `spab train --all` makes it again")
+        raise ArtifactError(
+            f"{kind.name} n/{divisor} is missing in {UNCERTAINTY}; `spab train --all` makes it "
+            "again"
+        )
     row = table.loc[kind.name, divisor, SEED]
     for column, value in uncertainty_scores(m, found).items():
         if not abs(float(row[column]) - value) <= TOLERANCE:
-            raise ArtifactError(f"{column} is {row[column]:.6g} in {UNCERTAINTY} and {value:.6g} with this model")
+            raise ArtifactError(
+                f"{column} is {row[column]:.6g} in {UNCERTAINTY} and {value:.6g} with this model"
+            )

@@ -1,4 +1,6 @@
-"""What is shipped in artifacts/: every file named in manifest.json with its SHA-256, checked before it is read."""
+"""What is shipped in artifacts/: every file named in manifest.json with its SHA-256, checked before
+it is read.
+"""
 
 from __future__ import annotations
 
@@ -25,11 +27,15 @@ SCORES = "surrogate_scores.csv"
 BLOCK_SCORES = "surrogate_scores_blocks.csv"  # on withheld rectangles of the plane
 UNCERTAINTY = "surrogate_uncertainty.csv"  # regimes, intervals, probability of instability
 PREDICTIONS = "surrogate_maps.npz"
-SECONDS = "surrogate_seconds.csv"  # measured by benchmarks/surrogates.py: not part of what is rebuilt to the bit
+# measured by benchmarks/surrogates.py: not part of what is rebuilt to the bit
+SECONDS = "surrogate_seconds.csv"
 MANIFEST = "manifest.json"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")  # of a file there
 REFINED = "refined_map.npz"
-BIFURCATIONS = ("bifurcation_rotor_mass.npz", "bifurcation_bearing_number.npz")  # at Lambda 3.45, at 4.52 kg
+BIFURCATIONS = (
+    "bifurcation_rotor_mass.npz",
+    "bifurcation_bearing_number.npz",
+)  # at Lambda 3.45, at 4.52 kg
 
 
 class ArtifactError(InputError):
@@ -42,8 +48,6 @@ def sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-
-
 def _text(manifest: dict) -> bytes:
     return (json.dumps(manifest, indent=1) + "\n").encode()
 
@@ -54,7 +58,8 @@ def read_manifest(folder: Path = ARTIFACTS) -> dict[str, dict]:
     Returns
     -------
     dict
-        ``sha256``, ``bytes`` and, for what was computed from a map, ``made_from`` (:mod:`spab_core.shipped.model_store`).
+        ``sha256``, ``bytes`` and, for what was computed from a map, ``made_from``
+        (:mod:`spab_core.shipped.model_store`).
 
     Raises
     ------
@@ -63,18 +68,25 @@ def read_manifest(folder: Path = ARTIFACTS) -> dict[str, dict]:
     """
     try:
         files = json.loads((folder / MANIFEST).read_text("utf-8"))["files"]
-        if not all(isinstance(entry["sha256"], str) and _NAME.fullmatch(name)
-                   for name, entry in files.items()):
+        if not all(
+            isinstance(entry["sha256"], str) and _NAME.fullmatch(name)
+            for name, entry in files.items()
+        ):
             raise ValueError
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise ArtifactError(f"{folder / MANIFEST} is missing or no manifest: restore the folder from the repository, or run "
-                            "`python -m spab_core.shipped.manifest` after replacing a file on purpose") from None
+        raise ArtifactError(
+            f"{folder / MANIFEST} is missing or no manifest: restore the folder from the "
+            "repository, or run "
+            "`python -m spab_core.shipped.manifest` after replacing a file on purpose"
+        ) from None
     return files
 
 
 def present_files(folder: Path = ARTIFACTS) -> list[str]:
     """Names of the files that a manifest must name, sorted."""
-    return sorted(p.name for p in folder.iterdir() if p.name != MANIFEST and not p.name.startswith("."))
+    return sorted(
+        p.name for p in folder.iterdir() if p.name != MANIFEST and not p.name.startswith(".")
+    )
 
 
 def write_manifest(folder: Path = ARTIFACTS, made_from: dict[str, dict] | None = None) -> dict:
@@ -84,8 +96,8 @@ def write_manifest(folder: Path = ARTIFACTS, made_from: dict[str, dict] | None =
     ----------
     folder : Path
     made_from : dict
-        By file name: what the files were computed from. A file left out keeps what the manifest says of it if its bytes are
-        the same, and loses it otherwise.
+        By file name: what the files were computed from. A file left out keeps what the manifest
+        says of it if its bytes are the same, and loses it otherwise.
 
     Returns
     -------
@@ -101,7 +113,9 @@ def write_manifest(folder: Path = ARTIFACTS, made_from: dict[str, dict] | None =
         path = folder / name
         entry = files[name] = {"sha256": sha256(path), "bytes": path.stat().st_size}
         old = before.get(name, {})
-        source = (made_from or {}).get(name, old.get("made_from") if old.get("sha256") == entry["sha256"] else None)
+        source = (made_from or {}).get(
+            name, old.get("made_from") if old.get("sha256") == entry["sha256"] else None
+        )
         if source is not None:
             entry["made_from"] = source
     manifest = {"files": files}
@@ -120,15 +134,21 @@ def checked_bytes(name: str, folder: Path = ARTIFACTS) -> bytes:
     files = read_manifest(folder)
     path = folder / name
     if name not in files:
-        raise ArtifactError(f"{name} is not named in {folder / MANIFEST}: restore the folder from the repository, "
-                            "or run `python -m spab_core.shipped.manifest` after replacing a file on purpose")
+        raise ArtifactError(
+            f"{name} is not named in {folder / MANIFEST}: restore the folder from the repository, "
+            "or run `python -m spab_core.shipped.manifest` after replacing a file on purpose"
+        )
     try:
         data = path.read_bytes()
     except OSError as error:
         raise ArtifactError(f"cannot read {path}: {error.strerror or error}") from None
     if hashlib.sha256(data).hexdigest() != files[name]["sha256"]:
-        raise ArtifactError(f"{path} is not the file that the manifest names (its SHA-256 differs): restore it from the "
-                            "repository, or run `python -m spab_core.shipped.manifest` after replacing it on purpose")
+        raise ArtifactError(
+            f"{path} is not the file that the manifest names (its SHA-256 differs): restore it "
+            "from the "
+            "repository, or run `python -m spab_core.shipped.manifest` after replacing it on "
+            "purpose"
+        )
     return data
 
 
@@ -149,10 +169,15 @@ def load_reference_bifurcation(name: str, folder: Path = ARTIFACTS) -> Bifurcati
 
 
 def load_reference_scores(folder: Path = ARTIFACTS) -> pd.DataFrame:
-    """The shipped scores of all surrogates on the reference map (``evaluation.evaluate``). Raises :class:`ArtifactError`."""
+    """The shipped scores of all surrogates on the reference map (``evaluation.evaluate``).
+
+    Raises :class:`ArtifactError`.
+    """
     try:
         scores = pd.read_csv(io.BytesIO(checked_bytes(SCORES, folder)))
-        if scores.empty or not {"model", "divisor", "seed", "rmse_held_out", "converged"} <= set(scores.columns):
+        if scores.empty or not {"model", "divisor", "seed", "rmse_held_out", "converged"} <= set(
+            scores.columns
+        ):
             raise ValueError("columns are missing")
     except (OSError, ValueError) as error:
         raise ArtifactError(f"cannot read {SCORES}: {error}") from None
@@ -160,19 +185,27 @@ def load_reference_scores(folder: Path = ARTIFACTS) -> pd.DataFrame:
 
 
 def load_reference_refinement(folder: Path = ARTIFACTS) -> Refinement:
-    """The shipped map refined from n/16 of its cells. Raises :class:`ArtifactError` or ``MapError``."""
+    """The shipped map refined from n/16 of its cells.
+
+    Raises :class:`ArtifactError` or ``MapError``.
+    """
     return load_refinement(checked_path(REFINED, folder))
 
 
 def load_audit(path: Path = AUDIT) -> pd.DataFrame:
-    """The cells of the map that benchmarks/audit_map.py solved again, finer and longer. Raises :class:`ArtifactError`."""
+    """The cells of the map that benchmarks/audit_map.py solved again, finer and longer.
+
+    Raises :class:`ArtifactError`.
+    """
     try:
         rows = pd.read_csv(path, keep_default_na=False, na_values={"mle": "", "error": ""})
         if missing := {"map_regime", "map_mle", "regime", "mle", "error"} - set(rows.columns):
             raise ValueError(f"no column {sorted(missing)[0]!r}")
     except (OSError, ValueError) as error:
         told = getattr(error, "strerror", None) or error
-        raise ArtifactError(f"cannot read {path} ({told}): `python benchmarks/audit_map.py` makes it") from None
+        raise ArtifactError(
+            f"cannot read {path} ({told}): `python benchmarks/audit_map.py` makes it"
+        ) from None
     return rows
 
 

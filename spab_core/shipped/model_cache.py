@@ -1,8 +1,9 @@
-"""Where models trained on this machine are kept between runs: a folder of this user alone, outside the repository.
+"""Where models trained on this machine are kept between runs: a folder of this user alone, outside
+the repository.
 
-A model file is code to whoever unpickles it. Nothing is handed out from here but the bytes of a file that belongs to this
-user, in a folder that nobody else can enter, with the checksum in the side file written with it.
-"""
+A model file is code to whoever unpickles it. Nothing is handed out from here but the bytes of a
+file that belongs to this user, in a folder that nobody else can enter, with the checksum in the
+side file written with it."""
 
 from __future__ import annotations
 
@@ -26,17 +27,26 @@ class CacheError(ArtifactError):
 
 
 def wanted_folder() -> Path:
-    """$SPAB_CACHE, else $XDG_CACHE_HOME/spab, else ~/.cache/spab; may not exist. Raises :class:`CacheError` without a home."""
-    return private_folder.wanted_folder(VARIABLE, "XDG_CACHE_HOME", ".cache", "spab", "models", CacheError)
+    """$SPAB_CACHE, else $XDG_CACHE_HOME/spab, else ~/.cache/spab; may not exist.
+
+    Raises :class:`CacheError` without a home.
+    """
+    return private_folder.wanted_folder(
+        VARIABLE, "XDG_CACHE_HOME", ".cache", "spab", "models", CacheError
+    )
 
 
 def cache_folder() -> Path:
-    """The folder, made if need be with mode 0700. Raises :class:`CacheError` as :func:`private_folder.private_folder`."""
+    """The folder, made if need be with mode 0700.
+
+    Raises :class:`CacheError` as :func:`private_folder.private_folder`.
+    """
     return private_folder.private_folder(wanted_folder(), VARIABLE, "models", CacheError)
 
 
 def read(name: str) -> tuple[bytes, dict] | None:
-    """A model's bytes and what it was made from, checked against its side file; None where it is not there.
+    """A model's bytes and what it was made from, checked against its side file; None where it is
+    not there.
 
     Raises
     ------
@@ -57,7 +67,9 @@ def read(name: str) -> tuple[bytes, dict] | None:
     except (ValueError, KeyError, TypeError, RecursionError):
         raise CacheError(f"{folder / name} is not opened: its side file is damaged") from None
     if hashlib.sha256(data).hexdigest() != expected or not isinstance(made_from, dict):
-        raise CacheError(f"{folder / name} is not opened: it is not the file that was kept (its SHA-256 differs)")
+        raise CacheError(
+            f"{folder / name} is not opened: it is not the file that was kept (its SHA-256 differs)"
+        )
     with contextlib.suppress(OSError):
         os.utime(folder / name)  # the least recently used goes first
     return data, made_from
@@ -67,7 +79,9 @@ def write(path: Path, data: bytes, made_from: dict) -> None:
     """A model's bytes with their side file, ``path`` with ".json" added. Raises ``OSError``."""
     side = {"sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data), "made_from": made_from}
     write_atomically(path, data)
-    write_atomically(path.with_name(f"{path.name}.json"), (json.dumps(side, indent=1) + "\n").encode())
+    write_atomically(
+        path.with_name(f"{path.name}.json"), (json.dumps(side, indent=1) + "\n").encode()
+    )
 
 
 def keep(name: str, data: bytes, made_from: dict) -> Path:
@@ -93,5 +107,7 @@ def keep(name: str, data: bytes, made_from: dict) -> Path:
                     path.unlink(missing_ok=True)
                     path.with_name(f"{path.name}.json").unlink(missing_ok=True)
     except OSError as error:
-        raise CacheError(f"the model cannot be kept in {folder}: {error.strerror or error}") from None
+        raise CacheError(
+            f"the model cannot be kept in {folder}: {error.strerror or error}"
+        ) from None
     return folder / name

@@ -1,4 +1,6 @@
-"""Check a folder of shipped files: names, checksums, versions, and that models predict the shipped maps."""
+"""Check a folder of shipped files: names, checksums, versions, and that models predict the shipped
+maps.
+"""
 
 from __future__ import annotations
 
@@ -63,9 +65,10 @@ class Check:
 def verify(folder: Path = ARTIFACTS) -> Iterator[Check]:
     """Check a folder of shipped files, one answer after the other.
 
-    Names and checksums; map, lines, scores and predicted maps readable and of one another; versions, design, map and code of
-    each model, before it is opened; that models predict what was noted with them and the shipped maps, that intervals cover as
-    many cells as their table says, and that the scores are those of the shipped maps.
+    Names and checksums; map, lines, scores and predicted maps readable and of one another;
+    versions, design, map and code of each model, before it is opened; that models predict what was
+    noted with them and the shipped maps, that intervals cover as many cells as their table says,
+    and that the scores are those of the shipped maps.
 
     Parameters
     ----------
@@ -82,7 +85,9 @@ def verify(folder: Path = ARTIFACTS) -> Iterator[Check]:
         yield Check("manifest", str(error))
         return
     unnamed = sorted(set(present) - set(files))
-    yield Check("every file is named in the manifest", f"not named: {', '.join(unnamed)}" if unnamed else "")
+    yield Check(
+        "every file is named in the manifest", f"not named: {', '.join(unnamed)}" if unnamed else ""
+    )
     for name in sorted(files):
         yield _checked(f"SHA-256 of {name}", checked_bytes, name, folder)
     try:
@@ -90,35 +95,63 @@ def verify(folder: Path = ARTIFACTS) -> Iterator[Check]:
     except InputError as error:
         yield Check(REFERENCE_MAP, str(error))
         return
-    yield Check(f"{REFERENCE_MAP}: design of the reference bearing",
-                "" if m.design == reference_design() else "the map is of another design")
+    yield Check(
+        f"{REFERENCE_MAP}: design of the reference bearing",
+        "" if m.design == reference_design() else "the map is of another design",
+    )
     for name in BIFURCATIONS:
         if name in files:
             yield _checked(f"{name}: a line of the reference bearing", _check_line, name, folder)
     source = made_from(m)
     for name in (*TABLES, PREDICTIONS):
-        apart = difference(files[name].get("made_from"), source) if name in files else "it is missing"
-        yield Check(f"{name}: versions, code, design, map", f"{apart}; `spab train --all` makes it again" if apart else "")
-    yield _checked(f"{SCORES}: every model and fraction, and the errors of the shipped maps", _check_scores, m, folder)
+        apart = (
+            difference(files[name].get("made_from"), source) if name in files else "it is missing"
+        )
+        yield Check(
+            f"{name}: versions, code, design, map",
+            f"{apart}; `spab train --all` makes it again" if apart else "",
+        )
+    yield _checked(
+        f"{SCORES}: every model and fraction, and the errors of the shipped maps",
+        _check_scores,
+        m,
+        folder,
+    )
     yield _checked(f"{PREDICTIONS}: every model and fraction", _check_maps, m, folder)
     for name in filter(_is_model, sorted(files)):
-        yield _checked(f"{name}: versions, code, design, map; predicts {'the shipped map' if name[0] == 's' else 'as noted'}",
-                       _check_model, m, name, files[name].get("made_from"), folder)
+        yield _checked(
+            f"{name}: versions, code, design, map; predicts "
+            f"{'the shipped map' if name[0] == 's' else 'as noted'}",
+            _check_model,
+            m,
+            name,
+            files[name].get("made_from"),
+            folder,
+        )
     size = sum((folder / name).stat().st_size for name in present)
-    yield Check(f"{size / 1e6:.1f} MB in all, at most {MAX_FOLDER_BYTES / 1e6:g}",
-                "" if size <= MAX_FOLDER_BYTES else "too large for the repository")
+    yield Check(
+        f"{size / 1e6:.1f} MB in all, at most {MAX_FOLDER_BYTES / 1e6:g}",
+        "" if size <= MAX_FOLDER_BYTES else "too large for the repository",
+    )
 
 
 def _checked(name: str, check: Callable[..., object], *args) -> Check:
     try:
         check(*args)
-    except (ValueError, KeyError, TypeError) as error:  # InputError, and what a table of other columns raises
+    except (
+        ValueError,
+        KeyError,
+        TypeError,
+    ) as error:  # InputError, and what a table of other columns raises
         return Check(name, str(error) or type(error).__name__)
     return Check(name)
 
 
 def _check_line(name, folder):
-    if Design.from_dict(load_reference_bifurcation(name, folder).metadata["design"]) != reference_design():
+    if (
+        Design.from_dict(load_reference_bifurcation(name, folder).metadata["design"])
+        != reference_design()
+    ):
         raise ArtifactError("the line is of another design")
 
 
@@ -135,12 +168,19 @@ def _check_scores(m, folder):
     for kind in MODELS.values():
         for divisor in DIVISORS:
             if (kind.name, divisor, SEED) not in scores.index:
-                raise ArtifactError(f"{kind.name} n/{divisor} is missing; `spab train --all` makes it again")
+                raise ArtifactError(
+                    f"{kind.name} n/{divisor} is missing; `spab train --all` makes it again"
+                )
             row = scores.loc[kind.name, divisor, SEED]
-            for column, value in errors(m, load_shipped_map(m, kind, divisor, SEED, folder)).items():
+            for column, value in errors(
+                m, load_shipped_map(m, kind, divisor, SEED, folder)
+            ).items():
                 if abs(float(row[column]) - value) > TOLERANCE:
-                    raise ArtifactError(f"{kind.name} n/{divisor}: {column} is {row[column]:.6g} in the table and {value:.6g} "
-                                        "for the shipped map; `spab train --all` makes both again")
+                    raise ArtifactError(
+                        f"{kind.name} n/{divisor}: {column} is {row[column]:.6g} in the table and "
+                        f"{value:.6g} "
+                        "for the shipped map; `spab train --all` makes both again"
+                    )
 
 
 def _check_model(m, name, noted, folder):
@@ -150,8 +190,11 @@ def _check_model(m, name, noted, folder):
         _check_intervals(m, kind, divisor, folder)
         return
     if kind is None or not isinstance(divisor, int) or name != model_file(kind, divisor):
-        raise ArtifactError("the manifest does not say what it was made from: it is never opened; `spab train --all` makes the "
-                            "models again, `git clean` removes what is not of the repository")
+        raise ArtifactError(
+            "the manifest does not say what it was made from: it is never opened; `spab train "
+            "--all` makes the "
+            "models again, `git clean` removes what is not of the repository"
+        )
     predicted = predict_with(m, load_shipped_model(m, kind, divisor, SEED, folder), divisor)
     shipped = load_shipped_map(m, kind, divisor, SEED, folder)
     apart = float(np.nanmax(np.abs(predicted.mle - shipped.mle)))

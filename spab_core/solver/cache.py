@@ -1,8 +1,7 @@
 """Where numba keeps compiled kernels: one folder for each state of the sources.
 
-Numba's own test for a stale kernel looks at the file of that kernel alone; a change in a kernel that it calls, in another
-file, would go unseen and old machine code would run on new data.
-"""
+Numba's own test for a stale kernel looks at the file of that kernel alone; a change in a kernel
+that it calls, in another file, would go unseen and old machine code would run on new data."""
 
 import contextlib
 import functools
@@ -20,10 +19,22 @@ _PREFIX = "spab-kernels-"
 _ROOM = 50_000_000  # bytes; the kernels take about ten million
 _LONGEST = 140  # characters below the folder, in numba's names of files
 _HERE = Path(__file__).resolve().parent
-_KERNELS = sorted(path for path in _HERE.glob("*.py") if path.name not in ("__init__.py", "cache.py"))
-_ANSWERS = ("common/validation", "design/limits", "design/model", "linear_theory/equilibrium", "linear_theory/whirl",
-            "trajectory/lyapunov", "trajectory/periodic_orbit", "trajectory/point", "trajectory/regimes", "trajectory/run",
-            "trajectory/settings")  # what else an operating point depends on
+_KERNELS = sorted(
+    path for path in _HERE.glob("*.py") if path.name not in ("__init__.py", "cache.py")
+)
+_ANSWERS = (
+    "common/validation",
+    "design/limits",
+    "design/model",
+    "linear_theory/equilibrium",
+    "linear_theory/whirl",
+    "trajectory/lyapunov",
+    "trajectory/periodic_orbit",
+    "trajectory/point",
+    "trajectory/regimes",
+    "trajectory/run",
+    "trajectory/settings",
+)  # what else an operating point depends on
 
 
 def _short(text: str) -> str:
@@ -31,24 +42,35 @@ def _short(text: str) -> str:
 
 
 def _kernel_hash() -> str:
-    """Short hash of the kernels' files to the byte: numba keeps line numbers too, and a stale kernel must never be run."""
-    return _short(" ".join(f"{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}" for path in _KERNELS))
+    """Short hash of the kernels' files to the byte: numba keeps line numbers too, and a stale
+    kernel must never be run.
+    """
+    return _short(
+        " ".join(
+            f"{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}" for path in _KERNELS
+        )
+    )
 
 
 @functools.cache
 def solver_hash() -> str:
-    """Short hash of the code (:mod:`spab_core.common.source_hash`) and the version of numba that an operating point depends on."""
+    """Short hash of the code (:mod:`spab_core.common.source_hash`) and the version of numba that an
+    operating point depends on.
+    """
     paths = [*_KERNELS, *(_HERE.parent / f"{name}.py" for name in _ANSWERS)]
     return _short(source_hash(path.read_bytes() for path in paths))
 
 
 def _usable(folder: Path) -> bool:
-    """Whether the folder exists or can be made, belongs to this user alone, can be written and has room for the kernels."""
+    """Whether the folder exists or can be made, belongs to this user alone, can be written and has
+    room for the kernels.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         mine = not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
         room = any(folder.glob("*/*.nbc")) or shutil.disk_usage(folder).free > _ROOM
-        # tried, with a path as long as numba's: os.access knows neither Windows' access lists nor its 260 characters
+        # tried, with a path as long as numba's: os.access knows neither Windows' access lists nor
+        # its 260 characters
         trial = folder / f"{os.getpid()}".ljust(_LONGEST, "-")
         trial.touch()
         trial.unlink(missing_ok=True)
@@ -58,7 +80,9 @@ def _usable(folder: Path) -> bool:
 
 
 def _drop_damaged(folder: Path) -> None:
-    """Delete kernels cut short by a loss of power, which numba would not read past; it compiles them again."""
+    """Delete kernels cut short by a loss of power, which numba would not read past; it compiles
+    them again.
+    """
     for path in folder.glob("*/*.nb[ci]"):
         with contextlib.suppress(OSError):  # gone in between
             with path.open("rb") as file:
@@ -69,7 +93,9 @@ def _drop_damaged(folder: Path) -> None:
 
 
 def choose() -> None:
-    """Point numba to the first usable place: NUMBA_CACHE_DIR, beside the sources, the home, a private temporary folder."""
+    """Point numba to the first usable place: NUMBA_CACHE_DIR, beside the sources, the home, a
+    private temporary folder.
+    """
     name = _PREFIX + _kernel_hash()
     bases = [_HERE / "__pycache__"]
     if os.environ.get("NUMBA_CACHE_DIR"):
@@ -90,7 +116,8 @@ def choose() -> None:
 
 
 def is_kept(dispatcher, *arguments) -> bool:
-    """Whether a kernel need not be compiled for such arguments: it is loaded, or numba's cache has it for this processor.
+    """Whether a kernel need not be compiled for such arguments: it is loaded, or numba's cache has
+    it for this processor.
 
     Parameters
     ----------
@@ -104,6 +131,9 @@ def is_kept(dispatcher, *arguments) -> bool:
         return True
     try:
         cache = dispatcher._cache
-        return cache._index_key(signature, dispatcher.targetctx.codegen()) in cache._cache_file._load_index()
+        return (
+            cache._index_key(signature, dispatcher.targetctx.codegen())
+            in cache._cache_file._load_index()
+        )
     except Exception:  # numba's private interface may change: then compiling is just not announced
         return True

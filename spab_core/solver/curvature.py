@@ -1,4 +1,6 @@
-"""The second derivative of the slope along a direction, for the exact derivative of a Rosenbrock step."""
+"""The second derivative of the slope along a direction, for the exact derivative of a Rosenbrock
+step.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,9 @@ from spab_core.solver.slope import contact
 
 @inner
 def _bent_face(film, work, node, around, x, y, vx, vy, r, i):
-    """Second derivatives of the flux east of row r along v and: the gas east, the gas here, the journal's x, y."""
+    """Second derivatives of the flux east of row r along v and: the gas east, the gas here, the
+    journal's x, y.
+    """
     half = span(film.row)
     rows, k = film.rows, r * 2 * half + i
     re = r + 1 if r + 1 < rows else 0
@@ -17,26 +21,35 @@ def _bent_face(film, work, node, around, x, y, vx, vy, r, i):
     cf, sf = film.cos_face[r], film.sin_face[r]
     h, vh = 1.0 - node * (x * cf + y * sf), -1.0 * node * (vx * cf + vy * sf)
     k0, k1 = around * (h * h * h), 3.0 * around * (h * h) * vh
-    jump, djump = following(q, r, i, rows, film.row) - vload(q, k), following(dq, r, i, rows, film.row) - vload(dq, k)
+    jump, djump = (
+        following(q, r, i, rows, film.row) - vload(q, k),
+        following(dq, r, i, rows, film.row) - vload(dq, k),
+    )
     k2 = -3.0 * node * (around * h) * (2.0 * vh * jump + h * djump)
     east = k1 * following(a, r, i, rows, film.row) + k0 * following(e, r, i, rows, film.row)
     here = k1 * vload(a, k) + k0 * vload(e, k)
-    # by_gap of the row after the last, whose halves are exchanged, still goes with the cosine of row 0
+    # by_gap of the row after the last, whose halves are exchanged, still goes with the cosine of
+    # row 0
     gap_east = k1 * following(b, r, i, rows, film.row) + k0 * following(f, r, i, rows, film.row)
     gap = k1 * vload(b, k) + k0 * vload(f, k)
-    return (east, here, k2 * cf + gap_east * film.cos[re] - gap * film.cos[r],
-            k2 * sf + gap_east * film.sin[re] - gap * film.sin[r])
+    return (
+        east,
+        here,
+        k2 * cf + gap_east * film.cos[re] - gap * film.cos[r],
+        k2 * sf + gap_east * film.sin[re] - gap * film.sin[r],
+    )
 
 
 @inlined
 def prepare_curvature(system, u, v, work):
-    """Form the derivative of the Jacobian along ``v`` at the point of linearisation ``u``, for :func:`add_curvature`.
+    """Form the derivative of the Jacobian along ``v`` at the point of linearisation ``u``, for
+    :func:`add_curvature`.
 
-    It has the stencil of the Jacobian. With P = S/H and one direction v fixed, dQ[w] = a w + b dH and d²Q[v, w] = e w + f dH
-    at a node, where a = 2P/H, b = -aP, e = 2 (dvP - P dvH/H)/H, f = -Pe - a dvP; a flux k H³ DQ adds k [6 H dvH dwH DQ
-    + 3 H² (dvH D dwQ + dwH D dvQ) + H³ D d²Q]. The journal's displacement makes two columns of their own, and the force's
-    part is d²P[v, w] = -(dwH dvP + dvH dwP)/H.
-    """
+    It has the stencil of the Jacobian. With P = S/H and one direction v fixed, dQ[w] = a w + b dH
+    and d²Q[v, w] = e w + f dH at a node, where a = 2P/H, b = -aP, e = 2 (dvP - P dvH/H)/H, f = -Pe
+    - a dvP; a flux k H³ DQ adds k [6 H dvH dwH DQ + 3 H² (dvH D dwQ + dwH D dvQ) + H³ D d²Q]. The
+    journal's displacement makes two columns of their own, and the force's part is d²P[v, w] = -(dwH
+    dvP + dvH dwP)/H."""
     film, _ = system
     half = span(film.row)
     rows, width = film.rows, 2 * half
@@ -63,14 +76,26 @@ def prepare_curvature(system, u, v, work):
         for i in range(0, width, WIDTH):
             k, node = r * width + i, vload(film.flux_node, i)
             h, vh = 1.0 - node * g, -1.0 * node * vg
-            total = -3.0 * node * h * (2.0 * vh * vload(work.gq, k) + h * apply(film.gradient, 0, dq, r * width, i, film.row))
+            total = (
+                -3.0
+                * node
+                * h
+                * (
+                    2.0 * vh * vload(work.gq, k)
+                    + h * apply(film.gradient, 0, dq, r * width, i, film.row)
+                )
+            )
             total = total + 3.0 * (h * h) * vh * apply(film.gradient, 0, b, r * width, i, film.row)
-            vstore(work.flux, k, total + h * h * h * apply(film.gradient, 0, f, r * width, i, film.row))
+            vstore(
+                work.flux, k, total + h * h * h * apply(film.gradient, 0, f, r * width, i, film.row)
+            )
     work.small[20], work.small[21], work.small[22] = vsum(fxx), vsum(fxy), vsum(fyy)
     for i in range(0, width, WIDTH):
         node, around, feed = vload(film.node, i), vload(film.flux_around, i), vload(film.feed, i)
         o = opposite(i, film.row)
-        west, back, west_x, west_y = _bent_face(film, work, vload(film.node, o), around, x, y, vx, vy, rows - 1, o)
+        west, back, west_x, west_y = _bent_face(
+            film, work, vload(film.node, o), around, x, y, vx, vy, rows - 1, o
+        )
         west, back = turned(west, film.row), turned(back, film.row)
         west_x, west_y = turned(west_x, film.row), turned(west_y, film.row)
         for r in range(rows):
@@ -88,15 +113,22 @@ def prepare_curvature(system, u, v, work):
                 m = j * width + i
                 a0, a1 = vload(film.across, m), vload(film.across, size + m)
                 a2, a3 = vload(film.across, 2 * size + m), vload(film.across, 3 * size + m)
-                straight, slant = a0 + g * (a1 + g * (a2 + g * a3)), vg * (a1 + g * (2.0 * a2 + (3.0 * g) * a3))
-                block = slant * near(a, r * width, j, i, film.row) + straight * near(e, r * width, j, i, film.row)
+                straight, slant = (
+                    a0 + g * (a1 + g * (a2 + g * a3)),
+                    vg * (a1 + g * (2.0 * a2 + (3.0 * g) * a3)),
+                )
+                block = slant * near(a, r * width, j, i, film.row) + straight * near(
+                    e, r * width, j, i, film.row
+                )
                 vstore(work.own, r * size + m, block - diagonal * vload(film.unit, m))
             west, back, west_x, west_y = east, here, east_x, east_y
 
 
 @inlined
 def add_curvature(system, u, v, w, scale, work, out):
-    """out += scale * d²f(u)[v, w], the second derivative of the slope, after :func:`prepare_curvature` for ``v``."""
+    """out += scale * d²f(u)[v, w], the second derivative of the slope, after
+    :func:`prepare_curvature` for ``v``.
+    """
     film, rotor = system
     half = span(film.row)
     rows, width = film.rows, 2 * half

@@ -1,10 +1,12 @@
-"""The paper's hybrid scheme: differential transformation in time over the film mesh (its eqs. (4) to (7)).
+"""The paper's hybrid scheme: differential transformation in time over the film mesh (its eqs.
 
-The differential transform of order k of a function is its k-th Taylor coefficient in tau; products become Cauchy sums.
-All transforms up to :data:`DTM_ORDER` follow one from the other, then the step sums the series. The tangent carries a
-second set of transforms, obtained by differentiating each recurrence. Explicit: the step is limited by diffusion in the
-film, and controlled by the last term of the series.
-"""
+(4) to (7)).
+
+The differential transform of order k of a function is its k-th Taylor coefficient in tau; products
+become Cauchy sums. All transforms up to :data:`DTM_ORDER` follow one from the other, then the step
+sums the series. The tangent carries a second set of transforms, obtained by differentiating each
+recurrence. Explicit: the step is limited by diffusion in the film, and controlled by the last term
+of the series."""
 
 from __future__ import annotations
 
@@ -21,8 +23,8 @@ from spab_core.solver.slope import error_norm
 
 DTM_ORDER = 6
 _K = DTM_ORDER + 1
-# rows of the series, one for each order: gas S, pressure P, Q = P² - 1, its gradient across the band, H³ at the flux nodes and
-# at the faces around, flux across; then the same for the tangent
+# rows of the series, one for each order: gas S, pressure P, Q = P² - 1, its gradient across the
+# band, H³ at the flux nodes and at the faces around, flux across; then the same for the tangent
 _S, _P, _Q, _GRADIENT, _CUBE, _AROUND, _FLUX, _ROWS = 0, 1, 2, 3, 4, 5, 6, 7
 
 
@@ -36,8 +38,8 @@ def build_series(film: Film) -> np.ndarray:
 def _contact_series(rotor, r, d, k, c, dual):
     """Order k of the contact force from orders 0..k of the rotor state ``r`` and its tangent ``d``.
 
-    Columns of ``c``: e², e, f, A = f/e, m = x·v, B = damping f m / e², x, y of the force, 1/e; ``c[_K:]`` the tangent's.
-    """
+    Columns of ``c``: e², e, f, A = f/e, m = x·v, B = damping f m / e², x, y of the force, 1/e;
+    ``c[_K:]`` the tangent's."""
     for part in range(2 if dual else 1):
         o = part * _K + k
         s = m = 0.0
@@ -91,15 +93,27 @@ def _contact_series(rotor, r, d, k, c, dual):
         o = part * _K
         a = 0.0
         for l in range(k + 1):
-            a += c[l, 2] * c[k - l, 8] if part == 0 else c[l, 2] * c[_K + k - l, 8] + c[_K + l, 2] * c[k - l, 8]
+            a += (
+                c[l, 2] * c[k - l, 8]
+                if part == 0
+                else c[l, 2] * c[_K + k - l, 8] + c[_K + l, 2] * c[k - l, 8]
+            )
         c[o + k, 3] = a
         p = 0.0
         for l in range(k + 1):
-            p += c[l, 3] * c[k - l, 8] if part == 0 else c[l, 3] * c[_K + k - l, 8] + c[_K + l, 3] * c[k - l, 8]
+            p += (
+                c[l, 3] * c[k - l, 8]
+                if part == 0
+                else c[l, 3] * c[_K + k - l, 8] + c[_K + l, 3] * c[k - l, 8]
+            )
         c[o + k, 9] = p
         b = 0.0
         for l in range(k + 1):
-            b += c[l, 9] * c[k - l, 4] if part == 0 else c[l, 9] * c[_K + k - l, 4] + c[_K + l, 9] * c[k - l, 4]
+            b += (
+                c[l, 9] * c[k - l, 4]
+                if part == 0
+                else c[l, 9] * c[_K + k - l, 4] + c[_K + l, 9] * c[k - l, 4]
+            )
         c[o + k, 5] = rotor.damping * b
         fx = fy = 0.0
         mu = rotor.friction
@@ -110,8 +124,16 @@ def _contact_series(rotor, r, d, k, c, dual):
                 fy += -n * r[k - l, 1] - mu * c[l, 3] * r[k - l, 0]
             else:
                 n, dn = c[l, 3] + c[l, 5], c[_K + l, 3] + c[_K + l, 5]
-                fx += -dn * r[k - l, 0] - n * d[k - l, 0] + mu * (c[_K + l, 3] * r[k - l, 1] + c[l, 3] * d[k - l, 1])
-                fy += -dn * r[k - l, 1] - n * d[k - l, 1] - mu * (c[_K + l, 3] * r[k - l, 0] + c[l, 3] * d[k - l, 0])
+                fx += (
+                    -dn * r[k - l, 0]
+                    - n * d[k - l, 0]
+                    + mu * (c[_K + l, 3] * r[k - l, 1] + c[l, 3] * d[k - l, 1])
+                )
+                fy += (
+                    -dn * r[k - l, 1]
+                    - n * d[k - l, 1]
+                    - mu * (c[_K + l, 3] * r[k - l, 0] + c[l, 3] * d[k - l, 0])
+                )
         c[o + k, 6], c[o + k, 7] = fx, fy
 
 
@@ -124,7 +146,9 @@ def _gap_order(cosine, g, k, j):
 
 @kernel
 def _pressure_order(film, z, g, k, dual):
-    """Order k of P = S/H, of Q = P² and of its gradient; returns its share of the force, (fx, fy, dfx, dfy)."""
+    """Order k of P = S/H, of Q = P² and of its gradient; returns its share of the force, (fx, fy,
+    dfx, dfy).
+    """
     width = 2 * span(film.row)
     tangent = _ROWS * _K
     fx, fy, dfx, dfy = splat(0.0), splat(0.0), splat(0.0), splat(0.0)
@@ -162,8 +186,11 @@ def _pressure_order(film, z, g, k, dual):
         for part in range(2 if dual else 1):
             t = part * tangent
             for i in range(0, width, WIDTH):
-                vstore(z[t + _GRADIENT * _K + k], j * width + i,
-                       apply(film.gradient, 0, z[t + _Q * _K + k], j * width, i, film.row))
+                vstore(
+                    z[t + _GRADIENT * _K + k],
+                    j * width + i,
+                    apply(film.gradient, 0, z[t + _Q * _K + k], j * width, i, film.row),
+                )
     return vsum(fx), vsum(fy), vsum(dfx), vsum(dfy)
 
 
@@ -193,7 +220,9 @@ def _cube_order(film, z, cosine, g, row, k, dual):
 
 @inner
 def _east_order(film, z, k, part, j, i):
-    """Order k of H³ times the difference of Q at the faces east of row j; ``part`` 1: its derivative."""
+    """Order k of H³ times the difference of Q at the faces east of row j; ``part`` 1: its
+    derivative.
+    """
     t, rows, half = _ROWS * _K, film.rows, span(film.row)
     o = j * 2 * half + i
     total = splat(0.0)
@@ -217,9 +246,13 @@ def _gas_order(film, z, k, part):
             o = j * width + i
             total = splat(0.0)
             for l in range(k + 1):
-                total = total + vload(z[_CUBE * _K + l], o) * vload(z[t + _GRADIENT * _K + k - l], o)
+                total = total + vload(z[_CUBE * _K + l], o) * vload(
+                    z[t + _GRADIENT * _K + k - l], o
+                )
                 if part == 1:
-                    total = total + vload(z[t + _CUBE * _K + l], o) * vload(z[_GRADIENT * _K + k - l], o)
+                    total = total + vload(z[t + _CUBE * _K + l], o) * vload(
+                        z[_GRADIENT * _K + k - l], o
+                    )
             vstore(flux, o, total)
     supply = film.supply - 1.0 if k == 0 and part == 0 else 0.0
     for i in range(0, width, WIDTH):
@@ -227,16 +260,22 @@ def _gas_order(film, z, k, part):
         for j in range(rows):
             o = j * width + i
             east = _east_order(film, z, k, part, j, i)
-            total = apply(film.divergence, 0, flux, j * width, i, film.row) + vload(film.flux_around, i) * (east - west)
+            total = apply(film.divergence, 0, flux, j * width, i, film.row) + vload(
+                film.flux_around, i
+            ) * (east - west)
             total = total + vload(film.feed, i) * (supply - vload(z[t + _Q * _K + k], o))
-            total = total - vload(film.couette, i) * (following(s, j, i, rows, film.row) - preceding(s, j, i, rows, film.row))
+            total = total - vload(film.couette, i) * (
+                following(s, j, i, rows, film.row) - preceding(s, j, i, rows, film.row)
+            )
             vstore(z[t + _S * _K + k + 1], o, total * (1.0 / (k + 1)))
             west = east
 
 
 @njit(cache=True, nogil=True, error_model="numpy", _nrt=True)  # allocates its short series
 def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
-    """One step of differential transformation of order :data:`DTM_ORDER`; same interface as ``rodas_step``."""
+    """One step of differential transformation of order :data:`DTM_ORDER`; same interface as
+    ``rodas_step``.
+    """
     film, rotor = system
     n = film.rows * 2 * span(film.row)
     if not u[n] * u[n] + u[n + 1] * u[n + 1] < 1.0:
@@ -254,7 +293,12 @@ def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
         r[0, i], d[0, i] = u[n + i], v[n + i]
     ramp0 = min(t / rotor.ramp, 1.0) if rotor.ramp > 0.0 else 1.0
     ramp1 = 1.0 / rotor.ramp if rotor.ramp > 0.0 and t < rotor.ramp else 0.0
-    ck, sk, ck_before, sk_before = math.cos(t), math.sin(t), 0.0, 0.0  # orders of cos and sin of tau
+    ck, sk, ck_before, sk_before = (
+        math.cos(t),
+        math.sin(t),
+        0.0,
+        0.0,
+    )  # orders of cos and sin of tau
     for k in range(DTM_ORDER):
         for j in range(film.rows):
             g[k, j] = r[k, 0] * film.cos[j] + r[k, 1] * film.sin[j]
@@ -279,13 +323,21 @@ def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
             s = 1.0 / (k + 1)
             for i in range(4):
                 a[k + 1, i] = s * a[k, 4 + i]
-            a[k + 1, 4] = s * (rotor.coupling_journal * dx + rotor.inverse_mass * px
-                               + on * rotor.unbalance_journal * cos_load)
-            a[k + 1, 5] = s * (rotor.coupling_journal * dy + rotor.inverse_mass * py
-                               + on * (rotor.unbalance_journal * sin_load - down * rotor.gravity_journal))
+            a[k + 1, 4] = s * (
+                rotor.coupling_journal * dx
+                + rotor.inverse_mass * px
+                + on * rotor.unbalance_journal * cos_load
+            )
+            a[k + 1, 5] = s * (
+                rotor.coupling_journal * dy
+                + rotor.inverse_mass * py
+                + on * (rotor.unbalance_journal * sin_load - down * rotor.gravity_journal)
+            )
             a[k + 1, 6] = s * (-rotor.coupling_disc * dx + on * rotor.unbalance_disc * cos_load)
-            a[k + 1, 7] = s * (-rotor.coupling_disc * dy
-                               + on * (rotor.unbalance_disc * sin_load - down * rotor.gravity_disc))
+            a[k + 1, 7] = s * (
+                -rotor.coupling_disc * dy
+                + on * (rotor.unbalance_disc * sin_load - down * rotor.gravity_disc)
+            )
         ck_before, sk_before = ck, sk
         ck, sk = -sk_before / (k + 1), ck_before / (k + 1)
     power = h**DTM_ORDER
@@ -306,8 +358,12 @@ def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
         for k in range(DTM_ORDER, -1, -1):
             total, dtotal = total * h + r[k, i], dtotal * h + d[k, i]
         new[n + i], new_v[n + i], last_term[n + i] = total, dtotal, r[DTM_ORDER, i] * power
-        tangent_size, tangent_last = tangent_size + dtotal * dtotal, tangent_last + (d[DTM_ORDER, i] * power) ** 2
+        tangent_size, tangent_last = (
+            tangent_size + dtotal * dtotal,
+            tangent_last + (d[DTM_ORDER, i] * power) ** 2,
+        )
     error = error_norm(system, work, new, last_term)
-    if with_tangent:  # an explicit step too long for stiffness shows in the tangent long before it shows in the state
+    # an explicit step too long for stiffness shows in the tangent long before it shows in the state
+    if with_tangent:
         error = max(error, math.sqrt(tangent_last / tangent_size))
     return error

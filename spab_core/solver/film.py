@@ -1,15 +1,18 @@
-"""The gas film: polynomials in latitude times a ring of columns, and the semi-discrete Reynolds equation (docs/model.md).
+"""The gas film: polynomials in latitude times a ring of columns, and the semi-discrete Reynolds
+equation (docs/model.md).
 
 Unknown: S = P H, the gas content, at M latitudes of the half band times N azimuths, so that
 
-    dS/dtau = (1/2 Lambda) [ (1/cos l) d_l(cos l H³/2 d_l Q) + (1/cos² l) d_t(H³/2 d_t Q) + beta (P_s² - Q) ] - d_t S / 2
+    dS/dtau = (1/2 Lambda) [ (1/cos l) d_l(cos l H³/2 d_l Q) + (1/cos² l) d_t(H³/2 d_t Q) + beta
+    (P_s² - Q) ] - d_t S / 2
 
-with P = S/H, Q = P². Across the band Q - 1 is an even polynomial that vanishes at the open edge, through its values at the
-positive Gauss points; the flux is an odd polynomial through its values at the positive Gauss-Lobatto points, whose exact
-derivative is taken at the Gauss points (a staggered pair as in Kopriva and Kolias, J. Comput. Phys. 125, 1996). Gauss's rule
-integrates that derivative exactly, so that gas is conserved to rounding. Around, fluxes are central and second order, and in
-the default scheme differences are exact for the first harmonic, which carries the force. :func:`film_slope` is the
-readable formula; :mod:`spab_core.solver.slope` computes the same, fast.
+with P = S/H, Q = P². Across the band Q - 1 is an even polynomial that vanishes at the open edge,
+through its values at the positive Gauss points; the flux is an odd polynomial through its values at
+the positive Gauss-Lobatto points, whose exact derivative is taken at the Gauss points (a staggered
+pair as in Kopriva and Kolias, J. Comput. Phys. 125, 1996). Gauss's rule integrates that derivative
+exactly, so that gas is conserved to rounding. Around, fluxes are central and second order, and in
+the default scheme differences are exact for the first harmonic, which carries the force.
+:func:`film_slope` is the readable formula; :mod:`spab_core.solver.slope` computes the same, fast.
 """
 
 from __future__ import annotations
@@ -28,7 +31,9 @@ from spab_core.solver.simd import HALF, WIDTH, aligned_zeros
 
 
 class Mesh(NamedTuple):
-    """Nodes of the half band: ``latitude`` M from the equator to the edge, ``azimuth`` N around (even)."""
+    """Nodes of the half band: ``latitude`` M from the equator to the edge, ``azimuth`` N around
+    (even).
+    """
 
     latitude: int
     azimuth: int
@@ -43,47 +48,62 @@ MESH_LIMITS = ((2, 16), (8, 256))
 
 
 def parse_mesh(text: str) -> Mesh:
-    """Read "4x48". Raises :class:`DesignError` for anything but a whole number and an even one in range."""
+    """Read "4x48".
+
+    Raises :class:`DesignError` for anything but a whole number and an even one in range.
+    """
     (m_low, m_high), (n_low, n_high) = MESH_LIMITS
     parts = str(text).lower().split("x")
     if len(parts) == 2 and all(p.isascii() and p.isdigit() and len(p) < 6 for p in parts):
         mesh = Mesh(int(parts[0]), int(parts[1]))
-        if m_low <= mesh.latitude <= m_high and n_low <= mesh.azimuth <= n_high and mesh.azimuth % 2 == 0:
+        if (
+            m_low <= mesh.latitude <= m_high
+            and n_low <= mesh.azimuth <= n_high
+            and mesh.azimuth % 2 == 0
+        ):
             return mesh
-    raise DesignError(f"mesh = {str(text)[:40]!r} is not allowed: give latitudes x azimuths of the half band, such as "
-                      f"4x48, from {m_low}x{n_low} to {m_high}x{n_high}, the azimuths even")
+    raise DesignError(
+        f"mesh = {str(text)[:40]!r} is not allowed: give latitudes x azimuths of the half band, "
+        "such as "
+        f"4x48, from {m_low}x{n_low} to {m_high}x{n_high}, the azimuths even"
+    )
 
 
 class Film(NamedTuple):
     """Everything the film kernels need, at one bearing number.
 
-    A row of the state holds two opposite columns, r and r + N/2, each padded to four or a multiple of eight latitudes; a
-    padded place keeps S = 1 and touches nothing. Opposite columns have opposite cosines, so vectors over a row hold the
-    negative in their second half wherever a formula multiplies by cos(theta) or sin(theta) of the column.
+    A row of the state holds two opposite columns, r and r + N/2, each padded to four or a multiple
+    of eight latitudes; a padded place keeps S = 1 and touches nothing. Opposite columns have
+    opposite cosines, so vectors over a row hold the negative in their second half wherever a
+    formula multiplies by cos(theta) or sin(theta) of the column.
 
     Attributes
     ----------
     latitudes, columns : int
         M and N.
     row : tuple
-        () where a row fills one register, else (half,): its type tells the compiler which case to compile.
+        () where a row fills one register, else (half,): its type tells the compiler which case to
+        compile.
     rows : int
         N/2.
     node, flux_node : ndarray, (2 half,)
         cos(latitude) at the Gauss points and at the flux points; signed.
     gradient : ndarray, (half * 2 half,)
-        1/(2 Lambda) times 1/2 times cos(latitude) d_l of a polynomial, at the flux points, from Q - 1 at the Gauss points; by
-        columns.
+        1/(2 Lambda) times 1/2 times cos(latitude) d_l of a polynomial, at the flux points, from Q -
+        1 at the Gauss points; by columns.
     divergence : ndarray, (half * 2 half,)
-        (1/cos l) d_l of the flux polynomial at the Gauss points, from its values at the flux points; by columns.
+        (1/cos l) d_l of the flux polynomial at the Gauss points, from its values at the flux
+        points; by columns.
     across : ndarray, (4 * half * 2 half,)
         divergence diag((1 - flux_node g)³) gradient as a cubic in g: its four coefficients.
     flux_around : ndarray, (2 half,)
-        The same scale times the geometry of a face between columns: multiply with H³ and the difference of Q.
+        The same scale times the geometry of a face between columns: multiply with H³ and the
+        difference of Q.
     couette, feed : ndarray, (2 half,)
         Half the azimuthal difference quotient's factor, and beta/(2 Lambda).
     weight : ndarray, (2 half,)
-        2 dtheta times the weight of the integral of cos²: the node's share of the force, both halves of the band; signed.
+        2 dtheta times the weight of the integral of cos²: the node's share of the force, both
+        halves of the band; signed.
     cos, sin, cos_face, sin_face : ndarray, (rows,)
         of the azimuth at the first half's columns and half a column further.
     supply : float
@@ -93,7 +113,8 @@ class Film(NamedTuple):
     eye : ndarray, ((2 half)²,)
         The unit matrix of a row.
     area : ndarray, (M,)
-        Weight of the integral of cos(latitude) times dtheta: the node's area on the unit sphere, half band.
+        Weight of the integral of cos(latitude) times dtheta: the node's area on the unit sphere,
+        half band.
     """
 
     latitudes: int
@@ -125,7 +146,9 @@ class Film(NamedTuple):
 
 
 @functools.cache
-def latitude_operators(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def latitude_operators(
+    count: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The staggered pair of polynomials on [0, 1], symmetric about 0.
 
     Parameters
@@ -140,7 +163,8 @@ def latitude_operators(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, 
     flux_node : ndarray, (M,)
         Positive Gauss-Lobatto points of order 2 M + 1; the last is 1.
     gradient : ndarray, (M, M)
-        From values at the nodes of an even polynomial that vanishes at 1 to its derivative at the flux nodes.
+        From values at the nodes of an even polynomial that vanishes at 1 to its derivative at the
+        flux nodes.
     divergence : ndarray, (M, M)
         From values at the flux nodes of an odd polynomial to its derivative at the nodes.
     """
@@ -148,20 +172,29 @@ def latitude_operators(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, 
     node, weight = points[count:], weights[count:]
     inner = legendre.Legendre.basis(2 * count).deriv().roots().real
     flux_node = np.append(np.sort(inner[inner > 1e-9]), 1.0)
-    even, odd = (np.eye(2 * count)[:, first::2] for first in (0, 1))  # Legendre coefficients of the bases
+    even, odd = (
+        np.eye(2 * count)[:, first::2] for first in (0, 1)
+    )  # Legendre coefficients of the bases
     even_slope, odd_slope = legendre.legder(even), legendre.legder(odd)
-    bubble = (1.0 - node[:, None]**2) * legendre.legval(node, even).T
-    bubble_slope = ((1.0 - flux_node[:, None]**2) * legendre.legval(flux_node, even_slope).T
-                    - 2.0 * flux_node[:, None] * legendre.legval(flux_node, even).T)
+    bubble = (1.0 - node[:, None] ** 2) * legendre.legval(node, even).T
+    bubble_slope = (1.0 - flux_node[:, None] ** 2) * legendre.legval(
+        flux_node, even_slope
+    ).T - 2.0 * flux_node[:, None] * legendre.legval(flux_node, even).T
     gradient = bubble_slope @ np.linalg.inv(bubble)
-    divergence = legendre.legval(node, odd_slope).T @ np.linalg.inv(legendre.legval(flux_node, odd).T)
-    divergence += np.eye(count)[-1] - weight @ divergence  # the integral is the flux at the edge to the last bit of rounding
+    divergence = legendre.legval(node, odd_slope).T @ np.linalg.inv(
+        legendre.legval(flux_node, odd).T
+    )
+    divergence += (
+        np.eye(count)[-1] - weight @ divergence
+    )  # the integral is the flux at the edge to the last bit of rounding
     for array in (node, weight, flux_node, gradient, divergence):
         array.flags.writeable = False  # they are shared
     return node, weight, flux_node, gradient, divergence
 
 
-def build_film(design: Design, bearing_number: float, mesh: Mesh = DEFAULT_MESH, scheme: str = "fitted") -> Film:
+def build_film(
+    design: Design, bearing_number: float, mesh: Mesh = DEFAULT_MESH, scheme: str = "fitted"
+) -> Film:
     """Nodes and coefficients of the film at one bearing number.
 
     Parameters
@@ -171,9 +204,9 @@ def build_film(design: Design, bearing_number: float, mesh: Mesh = DEFAULT_MESH,
         Lambda > 0.
     mesh : Mesh
     scheme : str
-        ``fitted``: differences around are exact for the first harmonic. ``plain``: central differences. Both are second
-        order; the Couette term of ``plain`` turns the film 0.6 % too slowly at N = 32, which is enough to unlock a
-        half-speed whirl.
+        ``fitted``: differences around are exact for the first harmonic. ``plain``: central
+        differences. Both are second order; the Couette term of ``plain`` turns the film 0.6 % too
+        slowly at N = 32, which is enough to unlock a half-speed whirl.
 
     Returns
     -------
@@ -197,33 +230,46 @@ def build_film(design: Design, bearing_number: float, mesh: Mesh = DEFAULT_MESH,
     def vector(values, signed=False):
         out = aligned_zeros(width)
         out[:m] = values
-        out[half:half + m] = -np.asarray(values) if signed else values
+        out[half : half + m] = -np.asarray(values) if signed else values
         return out
 
     def matrix(values, signed=False):
         out = aligned_zeros(half * width)
         columns = out.reshape(half, width)
         columns[:m, :m] = values.T
-        columns[:m, half:half + m] = -values.T if signed else values.T
+        columns[:m, half : half + m] = -values.T if signed else values.T
         return out
 
     across = aligned_zeros(4 * half * width)
     for k, binomial in enumerate((1.0, -3.0, 3.0, -1.0)):
-        power = divergence @ (binomial * flux_cosine[:, None]**k * gradient)
-        across[k * half * width:(k + 1) * half * width] = matrix(power, signed=k % 2 == 1)
+        power = divergence @ (binomial * flux_cosine[:, None] ** k * gradient)
+        across[k * half * width : (k + 1) * half * width] = matrix(power, signed=k % 2 == 1)
     unit, eye = aligned_zeros(half * width), aligned_zeros(width * width)
     unit[:] = np.tile(np.eye(half), 2).ravel()
     eye[:] = np.eye(width).ravel()
     theta = np.arange(rows) * dt
     return Film(
-        latitudes=m, columns=n, row=() if half == HALF else (half,), rows=rows,
-        node=vector(cosine, signed=True), flux_node=vector(flux_cosine, signed=True),
-        gradient=matrix(gradient), divergence=matrix(divergence), across=across,
+        latitudes=m,
+        columns=n,
+        row=() if half == HALF else (half,),
+        rows=rows,
+        node=vector(cosine, signed=True),
+        flux_node=vector(flux_cosine, signed=True),
+        gradient=matrix(gradient),
+        divergence=matrix(divergence),
+        across=across,
         flux_around=vector(scale / (cosine**2 * span2)),
-        couette=vector(0.25 / span), feed=vector(design.feeding_number / (2.0 * bearing_number)),
+        couette=vector(0.25 / span),
+        feed=vector(design.feeding_number / (2.0 * bearing_number)),
         weight=vector(2.0 * dt * edge * weight * cosine**2, signed=True),
-        cos=np.cos(theta), sin=np.sin(theta), cos_face=np.cos(theta + 0.5 * dt), sin_face=np.sin(theta + 0.5 * dt),
-        supply=design.bearing.supply_pressure_ratio**2, unit=unit, eye=eye, area=edge * weight * cosine * dt,
+        cos=np.cos(theta),
+        sin=np.sin(theta),
+        cos_face=np.cos(theta + 0.5 * dt),
+        sin_face=np.sin(theta + 0.5 * dt),
+        supply=design.bearing.supply_pressure_ratio**2,
+        unit=unit,
+        eye=eye,
+        area=edge * weight * cosine * dt,
     )
 
 
@@ -239,13 +285,20 @@ def film_index(film: Film) -> np.ndarray:
 
 
 def film_array(film: Film, state: np.ndarray) -> np.ndarray:
-    """The film part of a state vector as S[azimuth, latitude], without the padding. Shape (N, M)."""
+    """The film part of a state vector as S[azimuth, latitude], without the padding.
+
+    Shape (N, M).
+    """
     return state[film_index(film)]
 
 
 def _geometry(film: Film) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """cos(latitude) at the nodes, and cosine and sine of the azimuth at the columns and at the faces east of them."""
-    cos, sin, cos_face, sin_face = (np.concatenate([a, -a]) for a in (film.cos, film.sin, film.cos_face, film.sin_face))
+    """cos(latitude) at the nodes, and cosine and sine of the azimuth at the columns and at the
+    faces east of them.
+    """
+    cos, sin, cos_face, sin_face = (
+        np.concatenate([a, -a]) for a in (film.cos, film.sin, film.cos_face, film.sin_face)
+    )
     return film.node[: film.latitudes], cos, sin, cos_face, sin_face
 
 
@@ -274,8 +327,8 @@ def film_fluxes(film: Film, s: np.ndarray, x: float, y: float) -> dict[str, np.n
     Returns
     -------
     dict
-        ``latitude``, ``azimuth``, ``couette``, ``wall``, and ``edge``, (N,): gas that enters each column through the open edge,
-        per unit tau and azimuth.
+        ``latitude``, ``azimuth``, ``couette``, ``wall``, and ``edge``, (N,): gas that enters each
+        column through the open edge, per unit tau and azimuth.
     """
     m = film.latitudes
     node, cos, sin, cos_face, sin_face = _geometry(film)

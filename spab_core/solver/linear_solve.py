@@ -1,18 +1,27 @@
 """The linear system of a step, (I - g J) x = r, solved exactly.
 
-J is the Jacobian of :func:`spab_core.solver.slope.slope`. Its film part couples the latitudes of a column with each other
-(dense) and with the columns east and west (diagonal), periodically. A row of the state holds two opposite columns, so that
-the ring of N columns is two equal chains side by side, eliminated at once from both ends towards their middles, and the last
-row as their separator: its two columns lie between the chains. Then the journal as a border of two columns, then 2 x 2 for
-its velocity. No pivoting: the film part of I - g J is strong on its diagonal for the steps that occur
-(tests/unit/test_kernels.py tries g = 10).
-"""
+J is the Jacobian of :func:`spab_core.solver.slope.slope`. Its film part couples the latitudes of a
+column with each other (dense) and with the columns east and west (diagonal), periodically. A row of
+the state holds two opposite columns, so that the ring of N columns is two equal chains side by
+side, eliminated at once from both ends towards their middles, and the last row as their separator:
+its two columns lie between the chains. Then the journal as a border of two columns, then 2 x 2 for
+its velocity. No pivoting: the film part of I - g J is strong on its diagonal for the steps that
+occur (tests/unit/test_kernels.py tries g = 10)."""
 
 from __future__ import annotations
 
 from numba.extending import overload
 
-from spab_core.solver.row_ops import apply, chosen, following, near, opposite, preceding, span, turned
+from spab_core.solver.row_ops import (
+    apply,
+    chosen,
+    following,
+    near,
+    opposite,
+    preceding,
+    span,
+    turned,
+)
 from spab_core.solver.simd import (
     HALF,
     WIDTH,
@@ -35,7 +44,9 @@ NEGLIGIBLE = 1e-11  # couplings dropped in the elimination, relative to the unit
 
 @inner
 def _pivot(b, o, k, span, width, unit):
-    """Step k of Gauss-Jordan inversion in place, no pivoting, of the blocks of ``span`` side by side at b[o:]."""
+    """Step k of Gauss-Jordan inversion in place, no pivoting, of the blocks of ``span`` side by
+    side at b[o:].
+    """
     ok, other = o + k * width, width - span
     first, second = 1.0 / spread(b, ok + k), 1.0 / spread(b, ok + other + k)
     for v in range(0, width, WIDTH):
@@ -46,7 +57,9 @@ def _pivot(b, o, k, span, width, unit):
             first, second = spread(b, o + i * width + k), spread(b, o + i * width + other + k)
             for v in range(0, width, WIDTH):
                 factor = first if v < span else second
-                vstore(b, o + i * width + v, vload(b, o + i * width + v) - factor * vload(b, ok + v))
+                vstore(
+                    b, o + i * width + v, vload(b, o + i * width + v) - factor * vload(b, ok + v)
+                )
     for v in range(0, width, WIDTH):
         vstore(b, ok + v, vload(b, ok + v) - vload(unit, k * width + v))
 
@@ -66,7 +79,9 @@ def _invert(film, work, j, other):
 
 @inner
 def _film_per_displacement(film, work, x, y):
-    """The two columns of J_SX, the film's slope per journal displacement at the point of linearisation, into ``border``."""
+    """The two columns of J_SX, the film's slope per journal displacement at the point of
+    linearisation, into ``border``.
+    """
     half = span(film.row)
     rows, width = film.rows, 2 * half
     n = rows * width
@@ -76,7 +91,16 @@ def _film_per_displacement(film, work, x, y):
         for v in range(0, width, WIDTH):
             k, node = r * width + v, vload(film.flux_node, v)
             h = 1.0 - node * g
-            vstore(flux, k, h * h * (h * apply(film.gradient, 0, b, r * width, v, film.row) - 3.0 * node * vload(work.gq, k)))
+            vstore(
+                flux,
+                k,
+                h
+                * h
+                * (
+                    h * apply(film.gradient, 0, b, r * width, v, film.row)
+                    - 3.0 * node * vload(work.gq, k)
+                ),
+            )
     for v in range(0, width, WIDTH):
         around, feed, o = vload(film.flux_around, v), vload(film.feed, v), opposite(v, film.row)
         west_x, west_y = _pushed_face(film, vload(film.node, o), around, x, y, q, b, rows - 1, o)
@@ -100,20 +124,29 @@ def _pushed_face(film, node, around, x, y, q, b, r, v):
     h = 1.0 - node * (x * cf + y * sf)
     scale = around * (h * h)
     gap = -3.0 * node * (scale * (following(q, r, v, rows, film.row) - vload(q, k)))
-    # by_gap of the row after the last, whose halves are exchanged, still goes with the cosine of row 0
+    # by_gap of the row after the last, whose halves are exchanged, still goes with the cosine of
+    # row 0
     there, here = scale * h * following(b, r, v, rows, film.row), scale * h * vload(b, k)
-    return gap * cf + there * film.cos[re] - here * film.cos[r], gap * sf + there * film.sin[re] - here * film.sin[r]
+    return gap * cf + there * film.cos[re] - here * film.cos[r], gap * sf + there * film.sin[
+        re
+    ] - here * film.sin[r]
 
 
 @inner
 def _assemble(film, work, x, y, step):
-    """The entries of I - step J_SS: ``inverse``, its blocks within columns, and ``lower``, ``upper`` around."""
+    """The entries of I - step J_SS: ``inverse``, its blocks within columns, and ``lower``,
+    ``upper`` around.
+    """
     half = span(film.row)
     rows, width = film.rows, 2 * half
     size = half * width
     s = work.by_gas  # dQ/dS
     for v in range(0, width, WIDTH):
-        node, around, o = vload(film.node, v), vload(film.flux_around, v) * step, opposite(v, film.row)
+        node, around, o = (
+            vload(film.node, v),
+            vload(film.flux_around, v) * step,
+            opposite(v, film.row),
+        )
         couette, feed = vload(film.couette, v) * step, vload(film.feed, v) * step
         h = 1.0 - vload(film.node, o) * (x * film.cos_face[rows - 1] + y * film.sin_face[rows - 1])
         west = turned(around * (h * h * h), film.row)
@@ -126,10 +159,16 @@ def _assemble(film, work, x, y, step):
             diagonal = 1.0 + (east + west + feed) * vload(s, k)
             for c in range(half):
                 m = c * width + v
-                across = vload(film.across, m) + g * (vload(film.across, size + m) + g * (
-                    vload(film.across, 2 * size + m) + g * vload(film.across, 3 * size + m)))
-                vstore(work.inverse, r * size + m,
-                       diagonal * vload(film.unit, m) - (step * across) * near(s, r * width, c, v, film.row))
+                across = vload(film.across, m) + g * (
+                    vload(film.across, size + m)
+                    + g * (vload(film.across, 2 * size + m) + g * vload(film.across, 3 * size + m))
+                )
+                vstore(
+                    work.inverse,
+                    r * size + m,
+                    diagonal * vload(film.unit, m)
+                    - (step * across) * near(s, r * width, c, v, film.row),
+                )
             west = east
 
 
@@ -137,9 +176,9 @@ def _assemble(film, work, x, y, step):
 def _eliminate(work, j, target, towards, back, side, coupled, row):
     """Eliminate row j (its blocks are inverted already) from the row ``target``.
 
-    ``towards`` couples row j to ``target``, ``back`` the other way. ``coupled``: row j answers to the separator, whose columns
-    of ``fill`` are those of ``side`` (0: the separator's own halves, 1: exchanged). Returns whether the target does.
-    """
+    ``towards`` couples row j to ``target``, ``back`` the other way. ``coupled``: row j answers to
+    the separator, whose columns of ``fill`` are those of ``side`` (0: the separator's own halves,
+    1: exchanged). Returns whether the target does."""
     half = span(row)
     width = 2 * half
     size = half * width
@@ -147,7 +186,11 @@ def _eliminate(work, j, target, towards, back, side, coupled, row):
     for c in range(half):
         for v in range(0, width, WIDTH):
             k = c * width + v
-            passed = vload(back, target * width + v) * vload(d, j * size + k) * near(towards, j * width, c, v, row)
+            passed = (
+                vload(back, target * width + v)
+                * vload(d, j * size + k)
+                * near(towards, j * width, c, v, row)
+            )
             vstore(d, target * size + k, vload(d, target * size + k) - passed)
     if not coupled:
         return False
@@ -167,7 +210,10 @@ def _eliminate(work, j, target, towards, back, side, coupled, row):
 
 @inner
 def _answer(work, j, source, towards, side, fresh, row):
-    """fill[j] -= D[j]^-1 diag(towards[j]) fill[source]; ``fresh``: from zero. Returns whether it matters."""
+    """fill[j] -= D[j]^-1 diag(towards[j]) fill[source]; ``fresh``: from zero.
+
+    Returns whether it matters.
+    """
     half = span(row)
     width = 2 * half
     size = half * width
@@ -189,10 +235,10 @@ def _answer(work, j, source, towards, side, fresh, row):
 def _factorise(film, work):
     """Factorise the two chains and their separator.
 
-    ``fill`` becomes what each row answers to the separator. It decays from row to row (gas diffuses a few columns far in one
-    step); where it falls below :data:`NEGLIGIBLE` it is dropped. ``small`` keeps the last row that answers to the separator
-    at the chains' beginning, and the first one that answers to the one at their end.
-    """
+    ``fill`` becomes what each row answers to the separator. It decays from row to row (gas diffuses
+    a few columns far in one step); where it falls below :data:`NEGLIGIBLE` it is dropped. ``small``
+    keeps the last row that answers to the separator at the chains' beginning, and the first one
+    that answers to the one at their end."""
     half = span(film.row)
     rows, width = film.rows, 2 * half
     chain, size = rows - 1, half * width
@@ -210,7 +256,10 @@ def _factorise(film, work):
         other = end - j
         pair = other > middle
         _invert(film, work, j, other if pair else j)
-        last_first, first_second = j if first else last_first, other if second and pair else first_second
+        last_first, first_second = (
+            j if first else last_first,
+            other if second and pair else first_second,
+        )
         first = _eliminate(work, j, j + 1, upper, lower, 1, first, film.row)
         if pair:
             second = _eliminate(work, other, other - 1, lower, upper, 0, second, film.row)
@@ -253,7 +302,11 @@ def _separate(film, work, reaches_end, reaches_start):
         for v in range(0, width, WIDTH):
             k, m, o = chain * width + v, c * width + v, c * width + opposite(v, film.row)
             west, east = vload(lower, k), vload(upper, k)
-            same = vload(d, chain * size + m) - west * vload(fill, end + m) - east * turned(vload(fill, size + o), film.row)
+            same = (
+                vload(d, chain * size + m)
+                - west * vload(fill, end + m)
+                - east * turned(vload(fill, size + o), film.row)
+            )
             cross = splat(0.0)
             if reaches_end:
                 cross = cross - west * vload(fill, end + size + m)
@@ -269,7 +322,9 @@ def _separate(film, work, reaches_end, reaches_start):
 
 @inner
 def _solve_film(film, work, r, o):
-    """Solve the film part in place for the right-hand side at r[o:]: the chains alone, the separator, what it changes."""
+    """Solve the film part in place for the right-hand side at r[o:]: the chains alone, the
+    separator, what it changes.
+    """
     half = span(film.row)
     rows, width = film.rows, 2 * half
     chain, size = rows - 1, half * width
@@ -280,20 +335,39 @@ def _solve_film(film, work, r, o):
         other = end - j
         for v in range(0, width, WIDTH):
             k = (j + 1) * width + v
-            vstore(r, o + k, vload(r, o + k) - vload(lower, k) * apply(d, j * size, r, o + j * width, v, film.row))
+            vstore(
+                r,
+                o + k,
+                vload(r, o + k)
+                - vload(lower, k) * apply(d, j * size, r, o + j * width, v, film.row),
+            )
         if other > middle:
             for v in range(0, width, WIDTH):
                 k = (other - 1) * width + v
-                vstore(r, o + k, vload(r, o + k) - vload(upper, k) * apply(d, other * size, r, o + other * width, v, film.row))
+                vstore(
+                    r,
+                    o + k,
+                    vload(r, o + k)
+                    - vload(upper, k) * apply(d, other * size, r, o + other * width, v, film.row),
+                )
     for step in range(middle + 1):
         j, other = middle - step, middle + step
         here, there = o + j * width, o + other * width
         pair = 0 < step and other < chain
         for v in range(0, width, WIDTH):
             if step > 0:
-                vstore(r, here + v, vload(r, here + v) - vload(upper, j * width + v) * vload(r, here + width + v))
+                vstore(
+                    r,
+                    here + v,
+                    vload(r, here + v) - vload(upper, j * width + v) * vload(r, here + width + v),
+                )
             if pair:
-                vstore(r, there + v, vload(r, there + v) - vload(lower, other * width + v) * vload(r, there - width + v))
+                vstore(
+                    r,
+                    there + v,
+                    vload(r, there + v)
+                    - vload(lower, other * width + v) * vload(r, there - width + v),
+                )
         for v in range(0, width, WIDTH):
             vstore(t, v, apply(d, j * size, r, here, v, film.row))
             if pair:
@@ -306,7 +380,13 @@ def _solve_film(film, work, r, o):
     for v in range(0, width, WIDTH):
         k = chain * width + v
         east = turned(vload(r, o + opposite(v, film.row)), film.row)
-        vstore(t, v, vload(r, last + v) - vload(lower, k) * vload(r, last - width + v) - vload(upper, k) * east)
+        vstore(
+            t,
+            v,
+            vload(r, last + v)
+            - vload(lower, k) * vload(r, last - width + v)
+            - vload(upper, k) * east,
+        )
     for v in range(0, width, WIDTH):
         answer = splat(0.0)
         for c in range(width):
@@ -389,7 +469,9 @@ def _force_of(film, work, r, o):
     fx, fy = splat(0.0), splat(0.0)
     for j in range(film.rows):
         for v in range(0, width, WIDTH):
-            excess = vload(film.weight, v) * vload(work.y, j * width + v) * vload(r, o + j * width + v)
+            excess = (
+                vload(film.weight, v) * vload(work.y, j * width + v) * vload(r, o + j * width + v)
+            )
             fx, fy = fx - excess * film.cos[j], fy - excess * film.sin[j]
     return vsum(fx), vsum(fy)
 
@@ -448,6 +530,7 @@ def linearise(system, step, u, work):
     small[8], small[9] = disc, step
     return True
 
+
 @inlined
 def solve(system, work, r):
     """Solve (I - step J) x = r in place, after :func:`linearise`."""
@@ -468,7 +551,13 @@ def solve(system, work, r):
     v1x = (r[n + 6] - step * k1 * (r[n + 2] - x)) / disc
     v1y = (r[n + 7] - step * k1 * (r[n + 3] - y)) / disc
     for k in range(0, n, WIDTH):
-        vstore(r, k, vload(r, k) + (step * x) * vload(work.border, k) + (step * y) * vload(work.border, n + k))
+        vstore(
+            r,
+            k,
+            vload(r, k)
+            + (step * x) * vload(work.border, k)
+            + (step * y) * vload(work.border, n + k),
+        )
     r[n + 2] += step * v1x
     r[n + 3] += step * v1y
     r[n], r[n + 1], r[n + 4], r[n + 5], r[n + 6], r[n + 7] = x, y, vx, vy, v1x, v1y

@@ -1,8 +1,7 @@
 """Disc and journal on an elastic shaft, asperity contact at the wall (docs/model.md).
 
-Rotor state: [X2, Y2, X1, Y1, X2', Y2', X1', Y1'], journal (2) before disc (1). A rigid rotor is its journal alone; the disc
-entries of its state then stay zero and mean nothing.
-"""
+Rotor state: [X2, Y2, X1, Y1, X2', Y2', X1', Y1'], journal (2) before disc (1). A rigid rotor is its
+journal alone; the disc entries of its state then stay zero and mean nothing."""
 
 from __future__ import annotations
 
@@ -12,7 +11,9 @@ from typing import NamedTuple
 from spab_core.design.model import Design
 
 ROTOR_STATES = 8
-CENTRE = 0.1  # eccentricity under which no asperity is in reach: a force there, however small, would turn with the direction
+# eccentricity under which no asperity is in reach: a force there, however small, would turn with
+# the direction
+CENTRE = 0.1
 RAMP_REVOLUTIONS = 30.0
 
 
@@ -49,8 +50,12 @@ class RotorCoefficients(NamedTuple):
     ramp: float
 
 
-def build_rotor(design: Design, rotor_mass: float, bearing_number: float,
-                ramp_revolutions: float = RAMP_REVOLUTIONS) -> RotorCoefficients:
+def build_rotor(
+    design: Design,
+    rotor_mass: float,
+    bearing_number: float,
+    ramp_revolutions: float = RAMP_REVOLUTIONS,
+) -> RotorCoefficients:
     """Coefficients of the rotor's equations.
 
     Parameters
@@ -77,14 +82,34 @@ def build_rotor(design: Design, rotor_mass: float, bearing_number: float,
     else:
         k = design.shaft_stiffness_number
         k_disc, k_journal = k / ((1.0 - fraction) * mass), k / (fraction * mass)
-        inverse_mass, unbalance_disc, unbalance_journal, gravity_disc = 1.0 / (fraction * mass), rho, 0.0, weight
-    return RotorCoefficients(k_disc, k_journal, inverse_mass, unbalance_disc, unbalance_journal, gravity_disc, weight,
-                             contact.force_at_closure, contact.roughness, contact.friction, contact.damping,
-                             2.0 * math.pi * ramp_revolutions)
+        inverse_mass, unbalance_disc, unbalance_journal, gravity_disc = (
+            1.0 / (fraction * mass),
+            rho,
+            0.0,
+            weight,
+        )
+    return RotorCoefficients(
+        k_disc,
+        k_journal,
+        inverse_mass,
+        unbalance_disc,
+        unbalance_journal,
+        gravity_disc,
+        weight,
+        contact.force_at_closure,
+        contact.roughness,
+        contact.friction,
+        contact.damping,
+        2.0 * math.pi * ramp_revolutions,
+    )
 
 
-def contact_force(rotor: RotorCoefficients, x: float, y: float, vx: float, vy: float) -> tuple[float, float]:
-    """Force of the wall on the journal, over p_a R²: -f (1 + d v_r) n - mu_f f t, f = f0 exp(-(1 - e)/s); none under CENTRE."""
+def contact_force(
+    rotor: RotorCoefficients, x: float, y: float, vx: float, vy: float
+) -> tuple[float, float]:
+    """Force of the wall on the journal, over p_a R²: -f (1 + d v_r) n - mu_f f t, f = f0 exp(-(1 -
+    e)/s); none under CENTRE.
+    """
     e = math.hypot(x, y)
     if e < CENTRE:
         return 0.0, 0.0
@@ -112,9 +137,16 @@ def rotor_slope(rotor: RotorCoefficients, tau: float, q, force) -> list[float]:
     cx, cy = contact_force(rotor, x2, y2, vx2, vy2)
     c, s = ramp * math.cos(tau), ramp * math.sin(tau)
     return [
-        vx2, vy2, vx1, vy1,
-        rotor.coupling_journal * (x1 - x2) + rotor.inverse_mass * (force[0] + cx) + rotor.unbalance_journal * c,
-        rotor.coupling_journal * (y1 - y2) + rotor.inverse_mass * (force[1] + cy) + rotor.unbalance_journal * s
+        vx2,
+        vy2,
+        vx1,
+        vy1,
+        rotor.coupling_journal * (x1 - x2)
+        + rotor.inverse_mass * (force[0] + cx)
+        + rotor.unbalance_journal * c,
+        rotor.coupling_journal * (y1 - y2)
+        + rotor.inverse_mass * (force[1] + cy)
+        + rotor.unbalance_journal * s
         - ramp * rotor.gravity_journal,
         -rotor.coupling_disc * (x1 - x2) + rotor.unbalance_disc * c,
         -rotor.coupling_disc * (y1 - y2) + rotor.unbalance_disc * s - ramp * rotor.gravity_disc,

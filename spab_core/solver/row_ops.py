@@ -1,14 +1,25 @@
-"""Vectors over a row of the film's state: two opposite columns side by side (:class:`spab_core.solver.film.Film`).
+"""Vectors over a row of the film's state: two opposite columns side by side
+(:class:`spab_core.solver.film.Film`).
 
-``half`` is the padded number of latitudes, a row has 2 ``half`` places. ``row`` (:class:`spab_core.solver.film.Film`) tells it by its
-type: where one register holds a row, ``half`` is a constant of the compiler's and only that case is compiled.
-"""
+``half`` is the padded number of latitudes, a row has 2 ``half`` places. ``row``
+(:class:`spab_core.solver.film.Film`) tells it by its type: where one register holds a row, ``half``
+is a constant of the compiler's and only that case is compiled."""
 
 from __future__ import annotations
 
 from numba.extending import overload
 
-from spab_core.solver.simd import HALF, WIDTH, both_halves, halves_times, inner, splat, spread, swapped_halves, vload
+from spab_core.solver.simd import (
+    HALF,
+    WIDTH,
+    both_halves,
+    halves_times,
+    inner,
+    splat,
+    spread,
+    swapped_halves,
+    vload,
+)
 
 
 def span(row):
@@ -25,7 +36,9 @@ def _span(row):
 
 @inner
 def opposite(v, row):
-    """Where the register at place v of a row, once its halves are exchanged by :func:`turned`, comes from."""
+    """Where the register at place v of a row, once its halves are exchanged by :func:`turned`,
+    comes from.
+    """
     half = span(row)
     return v if half == HALF else (v + half) % (2 * half)
 
@@ -77,7 +90,9 @@ def near(x, o, c, v, row):
 
 @inner
 def apply(matrix, o, x, ox, v, row):
-    """Register v of the product of two blocks side by side, stored by columns at matrix[o:], and the row at x[ox:]."""
+    """Register v of the product of two blocks side by side, stored by columns at matrix[o:], and
+    the row at x[ox:].
+    """
     half = span(row)
     if half == HALF:
         return halves_times(matrix, o, vload(x, ox))
@@ -89,4 +104,14 @@ def apply(matrix, o, x, ox, v, row):
     return even + odd
 
 
-__all__ = ["WIDTH", "apply", "chosen", "following", "near", "opposite", "preceding", "span", "turned"]
+__all__ = [
+    "WIDTH",
+    "apply",
+    "chosen",
+    "following",
+    "near",
+    "opposite",
+    "preceding",
+    "span",
+    "turned",
+]

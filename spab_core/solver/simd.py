@@ -1,9 +1,9 @@
 """Eight doubles in one register: a numba scalar type for explicit SIMD.
 
-LLVM's loop vectoriser gives up on the short, possibly aliasing loops of the film kernels (4 latitudes of two columns in a
-register), so they name their vectors. Values of type ``f64x8`` support ``+ - * /`` among themselves and with floats; memory is
-reached with :func:`vload` and :func:`vstore`. LLVM maps them to one AVX-512, two AVX2 or four SSE/NEON registers.
-"""
+LLVM's loop vectoriser gives up on the short, possibly aliasing loops of the film kernels (4
+latitudes of two columns in a register), so they name their vectors. Values of type ``f64x8``
+support ``+ - * /`` among themselves and with floats; memory is reached with :func:`vload` and
+:func:`vstore`. LLVM maps them to one AVX-512, two AVX2 or four SSE/NEON registers."""
 
 import functools
 import operator
@@ -16,11 +16,13 @@ from numba.extending import intrinsic, models, overload, register_model
 
 WIDTH, HALF = 8, 4
 
-# Kernels pass tuples of some fifty arrays to each other: counting references of each, atomically, would cost as much as the
-# arithmetic. They allocate nothing, so numba's runtime stays out; numpy's rules for division keep tests out of the loops.
+# Kernels pass tuples of some fifty arrays to each other: counting references of each, atomically,
+# would cost as much as the arithmetic. They allocate nothing, so numba's runtime stays out; numpy's
+# rules for division keep tests out of the loops.
 kernel = functools.partial(njit, cache=True, nogil=True, error_model="numpy", _nrt=False)
 inlined = functools.partial(kernel, forceinline=True)
-# unpacking those tuples for a call from Python takes the compiler longer than the kernel: for what only kernels call, left out
+# unpacking those tuples for a call from Python takes the compiler longer than the kernel: for what
+# only kernels call, left out
 inner = functools.partial(inlined, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 _VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
 
@@ -45,8 +47,12 @@ def _pointer(context, builder, array_type, array, index):
 
 
 def _is_flat(array):
-    return (isinstance(array, types.Array) and array.ndim == 1 and array.layout == "C"
-            and array.dtype == types.float64)
+    return (
+        isinstance(array, types.Array)
+        and array.ndim == 1
+        and array.layout == "C"
+        and array.dtype == types.float64
+    )
 
 
 @intrinsic
@@ -57,7 +63,9 @@ def vload(typingctx, array, index):
 
     def codegen(context, builder, signature, args):
         position = context.cast(builder, args[1], signature.args[1], types.intp)
-        return builder.load(_pointer(context, builder, signature.args[0], args[0], position), align=8)
+        return builder.load(
+            _pointer(context, builder, signature.args[0], args[0], position), align=8
+        )
 
     return f64x8(array, index), codegen
 
@@ -79,7 +87,9 @@ def _lane(builder, vector, k, span=WIDTH):
 
 @intrinsic
 def spread(typingctx, array, index):
-    """One element of a flat float64 array in all eight places (unchecked: numba's own indexing tests for negatives)."""
+    """One element of a flat float64 array in all eight places (unchecked: numba's own indexing
+    tests for negatives).
+    """
     if not _is_flat(array) or not isinstance(index, types.Integer):
         return None
 
@@ -93,13 +103,17 @@ def spread(typingctx, array, index):
 
 @intrinsic
 def vstore(typingctx, array, index, value):
-    """Write eight consecutive elements of a flat float64 array, from ``index`` on (unaligned, unchecked)."""
+    """Write eight consecutive elements of a flat float64 array, from ``index`` on (unaligned,
+    unchecked).
+    """
     if not _is_flat(array) or not isinstance(index, types.Integer) or value != f64x8:
         return None
 
     def codegen(context, builder, signature, args):
         position = context.cast(builder, args[1], signature.args[1], types.intp)
-        builder.store(args[2], _pointer(context, builder, signature.args[0], args[0], position), align=8)
+        builder.store(
+            args[2], _pointer(context, builder, signature.args[0], args[0], position), align=8
+        )
         return context.get_dummy_value()
 
     return types.void(array, index, value), codegen
@@ -146,7 +160,12 @@ def _register(op, name):
         return None
 
 
-for _op, _name in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul"), (operator.truediv, "fdiv")):
+for _op, _name in (
+    (operator.add, "fadd"),
+    (operator.sub, "fsub"),
+    (operator.mul, "fmul"),
+    (operator.truediv, "fdiv"),
+):
     _register(_op, _name)
 
 
@@ -171,7 +190,9 @@ def _shuffled(lanes):
     return shuffled
 
 
-both_halves = _shuffled([0, 1, 2, 3, 12, 13, 14, 15])  # (a, b): the first half of a and the second of b
+both_halves = _shuffled(
+    [0, 1, 2, 3, 12, 13, 14, 15]
+)  # (a, b): the first half of a and the second of b
 swapped_halves = _shuffled([4, 5, 6, 7, 0, 1, 2, 3])  # (a, a): the halves of a exchanged
 
 
@@ -190,7 +211,11 @@ def vmin(typingctx, a, b):
 def _inversion(span):
     @intrinsic
     def invert_two(typingctx, array, first, second):
-        if not _is_flat(array) or not isinstance(first, types.Integer) or not isinstance(second, types.Integer):
+        if (
+            not _is_flat(array)
+            or not isinstance(first, types.Integer)
+            or not isinstance(second, types.Integer)
+        ):
             return None
 
         def codegen(context, builder, signature, args):
@@ -198,8 +223,18 @@ def _inversion(span):
             pointers, blocks = [], []
             for position, kind in zip(args[1:], signature.args[1:], strict=True):
                 start = context.cast(builder, position, kind, types.intp)
-                pointers.append([_pointer(context, builder, signature.args[0], args[0],
-                                          builder.add(start, ir.Constant(start.type, WIDTH * i))) for i in range(span)])
+                pointers.append(
+                    [
+                        _pointer(
+                            context,
+                            builder,
+                            signature.args[0],
+                            args[0],
+                            builder.add(start, ir.Constant(start.type, WIDTH * i)),
+                        )
+                        for i in range(span)
+                    ]
+                )
                 blocks.append([builder.load(pointer, align=8) for pointer in pointers[-1]])
             ones = ir.Constant(_VECTOR, [1.0] * WIDTH)
             for k in range(span):
@@ -207,12 +242,17 @@ def _inversion(span):
                 unit = ir.Constant(_VECTOR, [float(here) for here in own])
                 for rows in blocks:
                     pivot = _lane(builder, builder.fdiv(ones, rows[k]), k, span)
-                    at_pivot = _shuffle(builder, rows[k], ones, [i + WIDTH * here for i, here in enumerate(own)])
+                    at_pivot = _shuffle(
+                        builder, rows[k], ones, [i + WIDTH * here for i, here in enumerate(own)]
+                    )
                     rows[k] = builder.fmul(at_pivot, pivot)
-                    # place k of the other rows must become - factor / pivot: one more in place k takes the factor itself away
+                    # place k of the other rows must become - factor / pivot: one more in place k
+                    # takes the factor itself away
                     used = builder.fadd(rows[k], unit)
                     for i in [*range(k + 1, span), *range(k)]:  # the next pivot's row first
-                        scaled = builder.fmul(_lane(builder, rows[i], k, span), used, flags=contract)
+                        scaled = builder.fmul(
+                            _lane(builder, rows[i], k, span), used, flags=contract
+                        )
                         rows[i] = builder.fsub(rows[i], scaled, flags=contract)
             for rows, places in zip(blocks, pointers, strict=True):
                 for row, place in zip(rows, places, strict=True):
@@ -236,10 +276,14 @@ def _product(span):
             totals = [None, None]  # two sums for latency
             for k in range(span):
                 place = builder.add(start, ir.Constant(start.type, WIDTH * k))
-                column = builder.load(_pointer(context, builder, signature.args[0], args[0], place), align=8)
+                column = builder.load(
+                    _pointer(context, builder, signature.args[0], args[0], place), align=8
+                )
                 product = builder.fmul(column, _lane(builder, args[2], k, span), flags=contract)
                 total = totals[k % 2]
-                totals[k % 2] = product if total is None else builder.fadd(total, product, flags=contract)
+                totals[k % 2] = (
+                    product if total is None else builder.fadd(total, product, flags=contract)
+                )
             return builder.fadd(*totals, flags=contract)
 
         return f64x8(array, index, vector), codegen
@@ -247,10 +291,10 @@ def _product(span):
     return times
 
 
-# Blocks lie in a flat array by columns of eight. A block of "halves" is two 4 x 4 blocks side by side: its column k holds
-# column k of one in its first four places and of the other in its last.
-# invert(array, first, second): two of them in place, by Gauss-Jordan without pivoting, all in registers; the arithmetic of one
-# hides the latency of the other. ``first`` may equal ``second``.
+# Blocks lie in a flat array by columns of eight. A block of "halves" is two 4 x 4 blocks side by
+# side: its column k holds column k of one in its first four places and of the other in its last.
+# invert(array, first, second): two of them in place, by Gauss-Jordan without pivoting, all in
+# registers; the arithmetic of one hides the latency of the other. ``first`` may equal ``second``.
 invert_blocks, invert_halves = _inversion(WIDTH), _inversion(HALF)
 # times(array, index, vector): the product with a vector, which stays in its register
 block_times, halves_times = _product(WIDTH), _product(HALF)
@@ -272,13 +316,32 @@ def vsum(typingctx, value):
 
 
 def aligned_zeros(n):
-    """A float64 array of ``n`` zeros that starts on a cache line (64 bytes), so that vectors do not straddle two."""
+    """A float64 array of ``n`` zeros that starts on a cache line (64 bytes), so that vectors do not
+    straddle two.
+    """
     raw = np.zeros(n + WIDTH)
     start = (-raw.ctypes.data % 64) // 8
-    return raw[start:start + n]
+    return raw[start : start + n]
 
 
 __all__ = [
-    "HALF", "WIDTH", "aligned_zeros", "block_times", "both_halves", "f64x8", "halves_times", "inlined",
-    "inner", "invert_blocks", "invert_halves", "kernel", "splat", "spread", "swapped_halves", "vload", "vmin", "vstore", "vsum",
+    "HALF",
+    "WIDTH",
+    "aligned_zeros",
+    "block_times",
+    "both_halves",
+    "f64x8",
+    "halves_times",
+    "inlined",
+    "inner",
+    "invert_blocks",
+    "invert_halves",
+    "kernel",
+    "splat",
+    "spread",
+    "swapped_halves",
+    "vload",
+    "vmin",
+    "vstore",
+    "vsum",
 ]

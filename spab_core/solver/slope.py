@@ -1,10 +1,12 @@
-"""Compiled kernels of the film and rotor equations: slope, tangent slope, curvature, and the linear solver of a step.
+"""Compiled kernels of the film and rotor equations: slope, tangent slope, curvature, and the linear
+solver of a step.
 
-Each computes a readable formula named in its docstring. ``system`` is (Film, RotorCoefficients); a state is the flat
-vector [S by rows of two opposite columns, padded (:class:`spab_core.solver.film.Film`); 8 rotor states]. The integrator
-(:mod:`spab_core.solver.stepping`) knows a system only through ``slope``, ``slope_tangent``, ``time_slope``, ``linearise``,
-``solve``, ``prepare_curvature``, ``add_curvature`` and ``error_norm``.
-"""
+Each computes a readable formula named in its docstring. ``system`` is (Film, RotorCoefficients); a
+state is the flat vector [S by rows of two opposite columns, padded
+(:class:`spab_core.solver.film.Film`); 8 rotor states]. The integrator
+(:mod:`spab_core.solver.stepping`) knows a system only through ``slope``, ``slope_tangent``,
+``time_slope``, ``linearise``, ``solve``, ``prepare_curvature``, ``add_curvature`` and
+``error_norm``."""
 
 from __future__ import annotations
 
@@ -17,19 +19,31 @@ from numba import njit
 from spab_core.solver.film import Film, film_index, film_size
 from spab_core.solver.rotor import CENTRE, ROTOR_STATES, RotorCoefficients
 from spab_core.solver.row_ops import apply, following, opposite, preceding, span, turned
-from spab_core.solver.simd import WIDTH, aligned_zeros, inlined, inner, kernel, splat, vload, vmin, vstore, vsum
+from spab_core.solver.simd import (
+    WIDTH,
+    aligned_zeros,
+    inlined,
+    inner,
+    kernel,
+    splat,
+    vload,
+    vmin,
+    vstore,
+    vsum,
+)
 
 
 class Work(NamedTuple):
     """Scratch memory of one trajectory (all float64).
 
-    ``y``, ``p``, ``q`` hold 1/H, P and Q - 1 at the point of linearisation, ``gq`` the gradient of Q across the band there and
-    ``dq`` the derivative of Q along the tangent; ``tq``, ``tdq``, ``flux``, ``dflux`` are Q - 1, its derivative and the fluxes
-    across the band of a stage. ``by_gas`` is dQ/dS, ``by_gap`` dQ per displacement towards the row's first column;
-    ``by_gas2``, ``by_gap2`` and ``push`` to ``bend_y`` belong to :func:`prepare_curvature`. ``lower``, ``upper`` are the
-    couplings of I - step J around, ``inverse``, ``fill``, ``separator`` the blocks of its elimination, ``border`` its two
-    columns for the journal's position and ``small`` the 2 x 2 remainder for the journal's velocity and other single numbers.
-    """
+    ``y``, ``p``, ``q`` hold 1/H, P and Q - 1 at the point of linearisation, ``gq`` the gradient of
+    Q across the band there and ``dq`` the derivative of Q along the tangent; ``tq``, ``tdq``,
+    ``flux``, ``dflux`` are Q - 1, its derivative and the fluxes across the band of a stage.
+    ``by_gas`` is dQ/dS, ``by_gap`` dQ per displacement towards the row's first column; ``by_gas2``,
+    ``by_gap2`` and ``push`` to ``bend_y`` belong to :func:`prepare_curvature`. ``lower``, ``upper``
+    are the couplings of I - step J around, ``inverse``, ``fill``, ``separator`` the blocks of its
+    elimination, ``border`` its two columns for the journal's position and ``small`` the 2 x 2
+    remainder for the journal's velocity and other single numbers."""
 
     y: np.ndarray
     p: np.ndarray
@@ -63,8 +77,15 @@ class Work(NamedTuple):
 def build_work(film: Film) -> Work:
     """Allocate the scratch memory of one trajectory."""
     n, blocks = film_size(film), film_size(film) * film.half
-    sizes = {"own": blocks, "inverse": blocks, "fill": 2 * blocks, "separator": (2 * film.half)**2,
-             "border": 2 * (n + ROTOR_STATES), "scratch": 8 * film.half, "small": 32}
+    sizes = {
+        "own": blocks,
+        "inverse": blocks,
+        "fill": 2 * blocks,
+        "separator": (2 * film.half) ** 2,
+        "border": 2 * (n + ROTOR_STATES),
+        "scratch": 8 * film.half,
+        "small": 32,
+    }
     return Work(*(aligned_zeros(sizes.get(name, n)) for name in Work._fields))
 
 
@@ -75,11 +96,11 @@ def _ramp(rotor, t):
 
 @kernel
 def contact(rotor, x, y, vx, vy, a, b):
-    """rotor.contact_force with its derivatives along ``a`` and ``b`` (x, y, vx, vy) and the mixed second one.
+    """rotor.contact_force with its derivatives along ``a`` and ``b`` (x, y, vx, vy) and the mixed
+    second one.
 
-    The force is -(A + B) (x, y) - mu_f A (-y, x) with A = f/e, B = d f (x vx + y vy)/e². Returns eight floats:
-    F, dF[a], dF[b], d²F[a, b], x and y of each.
-    """
+    The force is -(A + B) (x, y) - mu_f A (-y, x) with A = f/e, B = d f (x vx + y vy)/e². Returns
+    eight floats: F, dF[a], dF[b], d²F[a, b], x and y of each."""
     e2 = x * x + y * y
     # under e^-40 of its value at closure the force is below rounding of any film force
     if e2 < CENTRE**2 or (e2 < 1.0 and (1.0 - math.sqrt(e2)) > 40.0 * rotor.roughness):
@@ -101,11 +122,16 @@ def contact(rotor, x, y, vx, vy, a, b):
     sa, sb = da + c1 * ea * m + big_c * ma, db + c1 * eb * m + big_c * mb
     sab = dab + (c2 * ea * eb + c1 * eab) * m + c1 * (ea * mb + eb * ma) + big_c * mab
     mu = rotor.friction
-    return (-s * x + mu * big_a * y, -s * y - mu * big_a * x,
-            -sa * x - s * a[0] + mu * (da * y + big_a * a[1]), -sa * y - s * a[1] - mu * (da * x + big_a * a[0]),
-            -sb * x - s * b[0] + mu * (db * y + big_a * b[1]), -sb * y - s * b[1] - mu * (db * x + big_a * b[0]),
-            -sab * x - sa * b[0] - sb * a[0] + mu * (dab * y + da * b[1] + db * a[1]),
-            -sab * y - sa * b[1] - sb * a[1] - mu * (dab * x + da * b[0] + db * a[0]))
+    return (
+        -s * x + mu * big_a * y,
+        -s * y - mu * big_a * x,
+        -sa * x - s * a[0] + mu * (da * y + big_a * a[1]),
+        -sa * y - s * a[1] - mu * (da * x + big_a * a[0]),
+        -sb * x - s * b[0] + mu * (db * y + big_a * b[1]),
+        -sb * y - s * b[1] - mu * (db * x + big_a * b[0]),
+        -sab * x - sa * b[0] - sb * a[0] + mu * (dab * y + da * b[1] + db * a[1]),
+        -sab * y - sa * b[1] - sb * a[1] - mu * (dab * x + da * b[0] + db * a[0]),
+    )
 
 
 @kernel
@@ -151,12 +177,19 @@ def east_flux(film, node, around, x, y, q, r, v):
     """Flux through the faces east of row r."""
     half = span(film.row)
     h = 1.0 - node * (x * film.cos_face[r] + y * film.sin_face[r])
-    return around * (h * h * h) * (following(q, r, v, film.rows, film.row) - vload(q, r * 2 * half + v))
+    return (
+        around
+        * (h * h * h)
+        * (following(q, r, v, film.rows, film.row) - vload(q, r * 2 * half + v))
+    )
 
 
 @inlined
 def slope(system, t, u, work, out):
-    """film.film_slope, film.film_force and rotor.rotor_slope. False where the journal is outside the clearance."""
+    """film.film_slope, film.film_force and rotor.rotor_slope.
+
+    False where the journal is outside the clearance.
+    """
     film, rotor = system
     half = span(film.row)
     rows, width = film.rows, 2 * half
@@ -176,7 +209,11 @@ def slope(system, t, u, work, out):
             fx, fy = fx - excess * c, fy - excess * s
         for v in range(0, width, WIDTH):
             h = 1.0 - vload(film.flux_node, v) * g
-            vstore(flux, r * width + v, (h * h * h) * apply(film.gradient, 0, q, r * width, v, film.row))
+            vstore(
+                flux,
+                r * width + v,
+                (h * h * h) * apply(film.gradient, 0, q, r * width, v, film.row),
+            )
     supply = film.supply - 1.0
     for v in range(0, width, WIDTH):
         node, around = vload(film.node, v), vload(film.flux_around, v)
@@ -186,8 +223,14 @@ def slope(system, t, u, work, out):
         for r in range(rows):
             k = r * width + v
             east = east_flux(film, node, around, x, y, q, r, v)
-            total = apply(film.divergence, 0, flux, r * width, v, film.row) + (east - west) + feed * (supply - vload(q, k))
-            total = total - couette * (following(u, r, v, rows, film.row) - preceding(u, r, v, rows, film.row))
+            total = (
+                apply(film.divergence, 0, flux, r * width, v, film.row)
+                + (east - west)
+                + feed * (supply - vload(q, k))
+            )
+            total = total - couette * (
+                following(u, r, v, rows, film.row) - preceding(u, r, v, rows, film.row)
+            )
             vstore(out, k, total)
             west = east
     zero = (0.0, 0.0, 0.0, 0.0)
@@ -195,6 +238,7 @@ def slope(system, t, u, work, out):
     _rotor_linear(rotor, n, u, vsum(fx) + c[0], vsum(fy) + c[1], out)
     _load(rotor, n, t, out)
     return True
+
 
 @inner
 def _east_flux_tangent(film, node, around, x, y, dx, dy, q, dq, r, v):
@@ -205,7 +249,9 @@ def _east_flux_tangent(film, node, around, x, y, dx, dy, q, dq, r, v):
     slant = -3.0 * node * (dx * c + dy * s)
     d = following(q, r, v, film.rows, film.row) - vload(q, k)
     scale = around * (h * h)
-    return scale * h * d, scale * (slant * d + h * (following(dq, r, v, film.rows, film.row) - vload(dq, k)))
+    return scale * h * d, scale * (
+        slant * d + h * (following(dq, r, v, film.rows, film.row) - vload(dq, k))
+    )
 
 
 @inlined
@@ -240,21 +286,43 @@ def slope_tangent(system, t, u, v, work, out, out_v):
             h = 1.0 - node * g
             h2, gradient = h * h, apply(film.gradient, 0, q, r * width, i, film.row)
             vstore(flux, k, h2 * h * gradient)
-            vstore(dflux, k, h2 * (h * apply(film.gradient, 0, dq, r * width, i, film.row) - (3.0 * dg) * node * gradient))
+            vstore(
+                dflux,
+                k,
+                h2
+                * (
+                    h * apply(film.gradient, 0, dq, r * width, i, film.row)
+                    - (3.0 * dg) * node * gradient
+                ),
+            )
     supply = film.supply - 1.0
     for i in range(0, width, WIDTH):
         node, around = vload(film.node, i), vload(film.flux_around, i)
         couette, feed = vload(film.couette, i), vload(film.feed, i)
         o = opposite(i, film.row)
-        west, dwest = _east_flux_tangent(film, vload(film.node, o), around, x, y, dx, dy, q, dq, rows - 1, o)
+        west, dwest = _east_flux_tangent(
+            film, vload(film.node, o), around, x, y, dx, dy, q, dq, rows - 1, o
+        )
         west, dwest = turned(west, film.row), turned(dwest, film.row)
         for r in range(rows):
             k = r * width + i
             east, deast = _east_flux_tangent(film, node, around, x, y, dx, dy, q, dq, r, i)
-            total = apply(film.divergence, 0, flux, r * width, i, film.row) + (east - west) + feed * (supply - vload(q, k))
-            dtotal = apply(film.divergence, 0, dflux, r * width, i, film.row) + (deast - dwest) - feed * vload(dq, k)
-            total = total - couette * (following(u, r, i, rows, film.row) - preceding(u, r, i, rows, film.row))
-            dtotal = dtotal - couette * (following(v, r, i, rows, film.row) - preceding(v, r, i, rows, film.row))
+            total = (
+                apply(film.divergence, 0, flux, r * width, i, film.row)
+                + (east - west)
+                + feed * (supply - vload(q, k))
+            )
+            dtotal = (
+                apply(film.divergence, 0, dflux, r * width, i, film.row)
+                + (deast - dwest)
+                - feed * vload(dq, k)
+            )
+            total = total - couette * (
+                following(u, r, i, rows, film.row) - preceding(u, r, i, rows, film.row)
+            )
+            dtotal = dtotal - couette * (
+                following(v, r, i, rows, film.row) - preceding(v, r, i, rows, film.row)
+            )
             vstore(out, k, total)
             vstore(out_v, k, dtotal)
             west, dwest = east, deast
@@ -266,12 +334,11 @@ def slope_tangent(system, t, u, v, work, out, out_v):
     return True
 
 
-
-
-
 @kernel
 def error_norm(system, work, new, error):
-    """Size of a step's error: the worst of journal and disc position (over C), velocity (over 1 + speed) and film (rms)."""
+    """Size of a step's error: the worst of journal and disc position (over C), velocity (over 1 +
+    speed) and film (rms).
+    """
     film, _ = system
     n = film.rows * 2 * span(film.row)
     total, least = splat(0.0), splat(math.inf)
@@ -297,13 +364,18 @@ def error_norm(system, work, new, error):
 
 
 def unknown_places(film: Film, rigid: bool) -> np.ndarray:
-    """Positions in the state vector that really are unknowns: no padded cells, no disc for a rigid rotor."""
+    """Positions in the state vector that really are unknowns: no padded cells, no disc for a rigid
+    rotor.
+    """
     n = film_size(film)
-    return np.concatenate([film_index(film).ravel(), n + np.array([0, 1, 4, 5] if rigid else range(ROTOR_STATES))])
+    return np.concatenate(
+        [film_index(film).ravel(), n + np.array([0, 1, 4, 5] if rigid else range(ROTOR_STATES))]
+    )
 
 
-def slope_and_jacobian(film: Film, rotor: RotorCoefficients, state: np.ndarray,
-                       columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def slope_and_jacobian(
+    film: Film, rotor: RotorCoefficients, state: np.ndarray, columns: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Slope and its derivative with respect to the states at ``columns``, by the compiled tangent.
 
     Returns

@@ -1,14 +1,16 @@
 """Time integration of state and tangent, revolution by revolution.
 
-:func:`advance` drives any system that offers the functions listed in :mod:`spab_core.solver.slope`; :func:`bind` compiles it
-for another one (the tests run Lorenz, Duffing and Ueda through the very code that runs the rotor). Two methods:
+:func:`advance` drives any system that offers the functions listed in :mod:`spab_core.solver.slope`;
+:func:`bind` compiles it for another one (the tests run Lorenz, Duffing and Ueda through the very
+code that runs the rotor). Two methods:
 
 ``rodas``
-    RODAS4 (Hairer and Wanner, Solving ODEs II, section VI.4): Rosenbrock, order 4(3), six stages, L-stable and stiffly
-    accurate, with the exact Jacobian. The tangent is the exact derivative of the step, second derivative of the slope
-    included. The step follows the embedded error estimate.
+    RODAS4 (Hairer and Wanner, Solving ODEs II, section VI.4): Rosenbrock, order 4(3), six stages,
+    L-stable and stiffly accurate, with the exact Jacobian. The tangent is the exact derivative of
+    the step, second derivative of the slope included. The step follows the embedded error estimate.
 ``dtm``
-    The paper's differential transformation: Taylor recurrences of high order in time (:mod:`spab_core.solver.dtm`), explicit.
+    The paper's differential transformation: Taylor recurrences of high order in time
+    (:mod:`spab_core.solver.dtm`), explicit.
 """
 
 from __future__ import annotations
@@ -38,15 +40,19 @@ STATUS = ("ok", "touchdown", "step-too-small", "too-many-steps")
 STATUS_TEXT = {
     "ok": "the run completed",
     "touchdown": "the journal touched the wall",
-    "step-too-small": "the step fell below its limit: somewhere near the wall the film lost all gas; a finer mesh may help, "
-                      "else less load, unbalance or suction",
-    "too-many-steps": "a revolution takes too many steps: rotor and film vibrate, or bounce on or fall to the wall, far faster "
-                      "than the shaft turns; method rodas takes the fewest",
+    "step-too-small": "the step fell below its limit: somewhere near the wall the film lost all "
+    "gas; a finer mesh may help, "
+    "else less load, unbalance or suction",
+    "too-many-steps": "a revolution takes too many steps: rotor and film vibrate, or bounce on or "
+    "fall to the wall, far faster "
+    "than the shaft turns; method rodas takes the fewest",
 }
 
 DEFAULT_TOLERANCE = 1.5e-3
 TANGENT_SLACK = 10.0  # how much larger than the state's the error of the unit tangent may be
-TANGENT_STEP = REVOLUTION / 80.0  # at the default tolerance the tangent alone asks for no shorter steps: modes that need them
+TANGENT_STEP = (
+    REVOLUTION / 80.0
+)  # at the default tolerance the tangent alone asks for no shorter steps: modes that need them
 # die within a fraction of a revolution
 MAX_STEP = REVOLUTION / 8.0
 _MIN_STEP = 1e-10
@@ -54,20 +60,32 @@ _SUBSAMPLES = 4  # of a step, for contact share and largest eccentricity
 
 # RODAS4 in the form of Hairer and Wanner's code: gamma, a_ij, gamma c_ij, alpha_i, gamma_i
 _GAMMA = 0.25
-_A = np.array([
-    [0, 0, 0, 0, 0],
-    [1.544, 0, 0, 0, 0],
-    [0.9466785280815826, 0.2557011698983284, 0, 0, 0],
-    [3.314825187068521, 2.896124015972201, 0.9986419139977817, 0, 0],
-    [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 0]])
+_A = np.array(
+    [
+        [0, 0, 0, 0, 0],
+        [1.544, 0, 0, 0, 0],
+        [0.9466785280815826, 0.2557011698983284, 0, 0, 0],
+        [3.314825187068521, 2.896124015972201, 0.9986419139977817, 0, 0],
+        [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 0],
+    ]
+)
 _ONE = np.ones(1)  # a_6j = a_5j and a_65 = 1: the sixth stage starts where the fifth ends
-_C = _GAMMA * np.array([
-    [0, 0, 0, 0, 0],
-    [-5.6688, 0, 0, 0, 0],
-    [-2.430093356833875, -0.2063599157091915, 0, 0, 0],
-    [-0.1073529058151375, -9.594562251023355, -20.47028614809616, 0, 0],
-    [7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160, 0],
-    [8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054]])
+_C = _GAMMA * np.array(
+    [
+        [0, 0, 0, 0, 0],
+        [-5.6688, 0, 0, 0, 0],
+        [-2.430093356833875, -0.2063599157091915, 0, 0, 0],
+        [-0.1073529058151375, -9.594562251023355, -20.47028614809616, 0, 0],
+        [7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160, 0],
+        [
+            8.083246795921522,
+            -7.981132988064893,
+            -31.52159432874371,
+            16.31930543123136,
+            -6.058818238834054,
+        ],
+    ]
+)
 _ALPHA = np.array([0.0, 0.386, 0.21, 0.63, 1.0, 1.0])
 _GAMMA_I = np.array([0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0])
 
@@ -128,13 +146,19 @@ class Record(NamedTuple):
 
 def build_record(revolutions: int, samples: int, tangent_size: int = 0) -> Record:
     """Allocate a record."""
-    return Record(np.full((revolutions, ROTOR_STATES), np.nan), np.full(revolutions, np.nan),
-                  np.full(revolutions, np.nan), np.full(revolutions, np.nan),
-                  np.full((revolutions, samples, ROTOR_STATES), np.nan), np.full((revolutions, tangent_size), np.nan))
+    return Record(
+        np.full((revolutions, ROTOR_STATES), np.nan),
+        np.full(revolutions, np.nan),
+        np.full(revolutions, np.nan),
+        np.full(revolutions, np.nan),
+        np.full((revolutions, samples, ROTOR_STATES), np.nan),
+        np.full((revolutions, tangent_size), np.nan),
+    )
 
 
 class Memory(NamedTuple):
-    """State, tangent and scratch of one trajectory; ``control`` is [next step, steps, rejected, last step, its error].
+    """State, tangent and scratch of one trajectory; ``control`` is [next step, steps, rejected,
+    last step, its error].
 
     ``series`` is None for ``rodas``: its type tells the compiler which of the methods to compile.
     """
@@ -148,10 +172,11 @@ class Memory(NamedTuple):
 
 
 def build_memory(film: Film, method: str = "rodas") -> Memory:
-    """Memory of one trajectory at the cold start: rotor at rest at the centre, P = 1, a fixed generic tangent.
+    """Memory of one trajectory at the cold start: rotor at rest at the centre, P = 1, a fixed
+    generic tangent.
 
-    The tangent's entries for padded film cells and for the unused disc of a rigid rotor stay zero for all time.
-    """
+    The tangent's entries for padded film cells and for the unused disc of a rigid rotor stay zero
+    for all time."""
     n = film_size(film)
     size = n + ROTOR_STATES
     state, tangent = aligned_zeros(size), aligned_zeros(size)
@@ -161,12 +186,21 @@ def build_memory(film: Film, method: str = "rodas") -> Memory:
     tangent[n], tangent[n + 1], tangent[n + 4], tangent[n + 5] = 0.5, 0.3, 0.4, -0.2
     tangent /= np.linalg.norm(tangent)
     stages = aligned_zeros(20 * size).reshape(20, size)
-    return Memory(build_work(film), stages, build_series(film) if method == "dtm" else None, state, tangent, np.zeros(5))
+    return Memory(
+        build_work(film),
+        stages,
+        build_series(film) if method == "dtm" else None,
+        state,
+        tangent,
+        np.zeros(5),
+    )
 
 
 @inner
 def _sum_of(scale, base, share, extra, stages, first, count, weights, out):
-    """The sum of :func:`_weighted_sum` over ``count`` stages, a constant that lets the compiler unroll it."""
+    """The sum of :func:`_weighted_sum` over ``count`` stages, a constant that lets the compiler
+    unroll it.
+    """
     size = out.size
     for k in range(0, size, WIDTH):
         total = vload(base, k) * scale
@@ -179,7 +213,9 @@ def _sum_of(scale, base, share, extra, stages, first, count, weights, out):
 
 @inner
 def _weighted_sum(scale, base, share, extra, stages, first, count, weights, out):
-    """out = scale base + share extra + sum over j < count of weights[j] stages[first + j]; ``stages`` is flat."""
+    """out = scale base + share extra + sum over j < count of weights[j] stages[first + j];
+    ``stages`` is flat.
+    """
     if count == 0:
         _sum_of(scale, base, share, extra, stages, first, 0, weights, out)
     elif count == 1:
@@ -222,7 +258,9 @@ def rodas_step(system, work, stages, t, h, u, v, with_tangent):
             inside = slope(system, t + _ALPHA[i] * h, new, work, du)
         if not inside:
             return math.inf
-        _weighted_sum(_GAMMA * h, du, _GAMMA * h * h * _GAMMA_I[i], rate, flat, 0, i, _C[i], stages[i])
+        _weighted_sum(
+            _GAMMA * h, du, _GAMMA * h * h * _GAMMA_I[i], rate, flat, 0, i, _C[i], stages[i]
+        )
         for part in range(2 if with_tangent else 1):
             if part == 1:
                 _weighted_sum(_GAMMA * h, dv, 0.0, rate, flat, 6, i, _C[i], stages[6 + i])
@@ -237,29 +275,51 @@ def rodas_step(system, work, stages, t, h, u, v, with_tangent):
             vstore(new_v, k, total)
             size, wrong = size + total * total, wrong + error_v * error_v
     error = error_norm(system, work, new, stages[5])
-    if with_tangent:  # a light, fast mode that the orbit does not excite must not be damped by long steps
-        worth = 0.6 * DEFAULT_TOLERANCE * (h / TANGENT_STEP)**4
+    if (
+        with_tangent
+    ):  # a light, fast mode that the orbit does not excite must not be damped by long steps
+        worth = 0.6 * DEFAULT_TOLERANCE * (h / TANGENT_STEP) ** 4
         error = max(error, min(math.sqrt(vsum(wrong) / vsum(size)) / TANGENT_SLACK, worth))
     return error
 
 
 def take_step(system, memory, t, h, with_tangent):
-    """One step of the method that the memory is for; returns the error norm and minus the reciprocal of its order."""
+    """One step of the method that the memory is for; returns the error norm and minus the
+    reciprocal of its order.
+    """
     raise NotImplementedError  # compiled only
 
 
 @overload(take_step, jit_options={"error_model": "numpy", "nogil": True})
 def _take_step(system, memory, t, h, with_tangent):
     if isinstance(memory.types[memory.fields.index("series")], numba.types.NoneType):
-        return lambda system, memory, t, h, with_tangent: (rodas_step(
-            system, memory.work, memory.stages, t, h, memory.state, memory.tangent, with_tangent), -0.25)
-    return lambda system, memory, t, h, with_tangent: (dtm_step(
-        system, memory.work, memory.stages, memory.series, t, h, memory.state, memory.tangent, with_tangent), -1.0 / DTM_ORDER)
+        return lambda system, memory, t, h, with_tangent: (
+            rodas_step(
+                system, memory.work, memory.stages, t, h, memory.state, memory.tangent, with_tangent
+            ),
+            -0.25,
+        )
+    return lambda system, memory, t, h, with_tangent: (
+        dtm_step(
+            system,
+            memory.work,
+            memory.stages,
+            memory.series,
+            t,
+            h,
+            memory.state,
+            memory.tangent,
+            with_tangent,
+        ),
+        -1.0 / DTM_ORDER,
+    )
 
 
 @kernel
 def _hermite(a, b, da, db, s, h):
-    """Cubic through values and slopes at the ends of a step, at the fraction s: value and derivative."""
+    """Cubic through values and slopes at the ends of a step, at the fraction s: value and
+    derivative.
+    """
     d = b - a
     c2, c3 = 3.0 * d - h * (2.0 * da + db), -2.0 * d + h * (da + db)
     return a + s * (h * da + s * (c2 + s * c3)), da + s * (2.0 * c2 + 3.0 * s * c3) / h
@@ -328,10 +388,13 @@ def advance(system, memory, options, first, revolutions, record):
         record.contact[row] = record.peak[row] = 0.0
         steps = 0
         while t < end:
-            natural = min(control[0], options.max_step) if control[0] > 0.0 else 0.1 * options.max_step
+            natural = (
+                min(control[0], options.max_step) if control[0] > 0.0 else 0.1 * options.max_step
+            )
             if options.fixed:
                 natural = options.max_step
-            # equal steps to the end of the revolution: they meet it, and a periodic orbit meets the same steps every time
+            # equal steps to the end of the revolution: they meet it, and a periodic orbit meets the
+            # same steps every time
             remaining = end - t
             count = math.ceil(remaining / natural * (1.0 - 1e-9))
             h = remaining / count
@@ -344,7 +407,8 @@ def advance(system, memory, options, first, revolutions, record):
             else:
                 factor = 0.9 * max(size, 1e-12) ** exponent
                 if size <= 1.0 and control[3] > 0.0 and size > 1e-3:
-                    # Gustafsson's predictive control: where errors grow from step to step, shrink ahead of them
+                    # Gustafsson's predictive control: where errors grow from step to step, shrink
+                    # ahead of them
                     factor = min(factor, factor * h / control[3] * (size / control[4]) ** exponent)
                 factor = min(4.0, max(0.2, factor))
             if not size <= 1.0 and not (options.fixed and math.isfinite(size)):
@@ -394,15 +458,17 @@ def advance(system, memory, options, first, revolutions, record):
 def bind(function, **replacements):
     """Compile ``function`` (from this module) for another system.
 
-    The code object is the same; only the global names it calls are replaced, in it and in what it calls here.
+    The code object is the same; only the global names it calls are replaced, in it and in what it
+    calls here.
 
     Parameters
     ----------
     function : dispatcher
         :func:`advance` or :func:`rodas_step`.
     **replacements : dispatcher
-        Compiled functions by the name they replace: ``slope``, ``slope_tangent``, ``time_slope``, ``linearise``, ``solve``,
-        ``prepare_curvature``, ``add_curvature``, ``error_norm``, ``observe``, or the whole ``rodas_step``.
+        Compiled functions by the name they replace: ``slope``, ``slope_tangent``, ``time_slope``,
+        ``linearise``, ``solve``, ``prepare_curvature``, ``add_curvature``, ``error_norm``,
+        ``observe``, or the whole ``rodas_step``.
 
     Returns
     -------
@@ -411,12 +477,39 @@ def bind(function, **replacements):
     names = {**globals(), **replacements}
     if function is advance:
         rodas = replacements.get("rodas_step") or bind(rodas_step, **replacements)
-        names["take_step"] = njit(nogil=True)(lambda system, memory, t, h, with_tangent: (
-            rodas(system, memory.work, memory.stages, t, h, memory.state, memory.tangent, with_tangent), -0.25))
+        names["take_step"] = njit(nogil=True)(
+            lambda system, memory, t, h, with_tangent: (
+                rodas(
+                    system,
+                    memory.work,
+                    memory.stages,
+                    t,
+                    h,
+                    memory.state,
+                    memory.tangent,
+                    with_tangent,
+                ),
+                -0.25,
+            )
+        )
     source = function.py_func
     return njit(nogil=True)(types.FunctionType(source.__code__, names, source.__name__))
 
 
-__all__ = ["DEFAULT_TOLERANCE", "MAX_STEP", "METHODS", "OK", "REVOLUTION", "STATUS", "STATUS_TEXT", "Memory", "Options",
-           "Record", "advance", "bind", "build_memory", "build_record",
-           "rodas_step"]
+__all__ = [
+    "DEFAULT_TOLERANCE",
+    "MAX_STEP",
+    "METHODS",
+    "OK",
+    "REVOLUTION",
+    "STATUS",
+    "STATUS_TEXT",
+    "Memory",
+    "Options",
+    "Record",
+    "advance",
+    "bind",
+    "build_memory",
+    "build_record",
+    "rodas_step",
+]

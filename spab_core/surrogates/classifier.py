@@ -1,4 +1,6 @@
-"""Which regime a point of the plane has, learnt from the labels of some cells; and what a predicted exponent alone says."""
+"""Which regime a point of the plane has, learnt from the labels of some cells; and what a predicted
+exponent alone says.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,14 @@ from spab_core.surrogates.models import linear_table_of, solved_cells, split_cel
 from spab_core.trajectory.regimes import REGIMES
 
 TREES = 200
-_SLOPES = ((1, 1), (1, -1), (1, 2), (1, -2), (2, 1), (2, -1))  # borders are lines across the plane: directions to cut along
+_SLOPES = (
+    (1, 1),
+    (1, -1),
+    (1, 2),
+    (1, -2),
+    (2, 1),
+    (2, -1),
+)  # borders are lines across the plane: directions to cut along
 
 
 class RegimeTrees(ClassifierMixin, BaseEstimator):
@@ -35,12 +44,17 @@ class RegimeTrees(ClassifierMixin, BaseEstimator):
 
     def _inputs(self, X):
         features = LinearFeatures(self.table).transform(X)
-        number, mass = features[:, 0] / self.table.bearing_number[-1], features[:, 1] / self.table.rotor_mass[-1]
+        number, mass = (
+            features[:, 0] / self.table.bearing_number[-1],
+            features[:, 1] / self.table.rotor_mass[-1],
+        )
         return np.column_stack([features, *(a * number + b * mass for a, b in _SLOPES)])
 
     def fit(self, X, y):
         """Learn from X (n, 2), bearing number and rotor mass in kg, and regimes y (n,) of str."""
-        trees = ExtraTreesClassifier(TREES, max_features=None, min_samples_leaf=2, random_state=self.seed)
+        trees = ExtraTreesClassifier(
+            TREES, max_features=None, min_samples_leaf=2, random_state=self.seed
+        )
         return self.with_trees(trees.fit(self._inputs(X), y))
 
     def with_trees(self, trees: ExtraTreesClassifier) -> RegimeTrees:
@@ -49,10 +63,17 @@ class RegimeTrees(ClassifierMixin, BaseEstimator):
         return self
 
     def predict_proba(self, X):
-        """Probabilities (n, 3) in the order of ``REGIMES``; 0 for a regime that no training cell had."""
+        """Probabilities (n, 3) in the order of ``REGIMES``; 0 for a regime that no training cell
+        had.
+        """
         found = self.trees_.predict_proba(self._inputs(X))
-        columns = [list(self.trees_.classes_).index(r) if r in self.trees_.classes_ else None for r in REGIMES]
-        return np.column_stack([np.zeros(len(found)) if c is None else found[:, c] for c in columns])
+        columns = [
+            list(self.trees_.classes_).index(r) if r in self.trees_.classes_ else None
+            for r in REGIMES
+        ]
+        return np.column_stack(
+            [np.zeros(len(found)) if c is None else found[:, c] for c in columns]
+        )
 
     def predict(self, X):
         """The most probable regimes (n,)."""
@@ -72,8 +93,8 @@ class PredictedRegimes:
     probability : ndarray, (B, M, 3)
         In the order of ``REGIMES``; nan where the map has no exponent.
     trained, held_out : ndarray of bool, (B, M)
-        The training cells, and those that scores are measured on: those of ``surrogates.predict_map`` with the same divisor,
-        seed and split.
+        The training cells, and those that scores are measured on: those of
+        ``surrogates.predict_map`` with the same divisor, seed and split.
     train_seconds : float
     """
 
@@ -87,8 +108,13 @@ class PredictedRegimes:
     train_seconds: float
 
 
-def predict_regimes(m: StabilityMap, divisor: int, seed: int = 0, split: str = "random",
-                    classifier: RegimeTrees | None = None) -> PredictedRegimes:
+def predict_regimes(
+    m: StabilityMap,
+    divisor: int,
+    seed: int = 0,
+    split: str = "random",
+    classifier: RegimeTrees | None = None,
+) -> PredictedRegimes:
     """Train the classifier on 1/divisor of a map's cells and predict the regimes of all of them.
 
     Parameters
@@ -107,7 +133,9 @@ def predict_regimes(m: StabilityMap, divisor: int, seed: int = 0, split: str = "
     index, inputs, _ = solved_cells(m)
     chosen, tested = split_cells(m, divisor, seed, split)
     began = time.perf_counter()
-    classifier = classifier or RegimeTrees(linear_table_of(m), seed).fit(inputs[chosen], m.regime.ravel()[index][chosen])
+    classifier = classifier or RegimeTrees(linear_table_of(m), seed).fit(
+        inputs[chosen], m.regime.ravel()[index][chosen]
+    )
     seconds = time.perf_counter() - began
     probability = np.full((m.mle.size, len(REGIMES)), np.nan)
     probability[index] = classifier.predict_proba(inputs)
@@ -116,12 +144,23 @@ def predict_regimes(m: StabilityMap, divisor: int, seed: int = 0, split: str = "
     held_out[index[tested]] = True
     regime = np.full(m.mle.size, "", "<U14")
     regime[index] = np.array(REGIMES)[probability[index].argmax(axis=1)]
-    return PredictedRegimes(classifier, divisor, seed, regime.reshape(m.shape), probability.reshape(*m.shape, -1),
-                            trained.reshape(m.shape), held_out.reshape(m.shape), seconds)
+    return PredictedRegimes(
+        classifier,
+        divisor,
+        seed,
+        regime.reshape(m.shape),
+        probability.reshape(*m.shape, -1),
+        trained.reshape(m.shape),
+        held_out.reshape(m.shape),
+        seconds,
+    )
 
 
-def regimes_by_threshold(predicted_mle: np.ndarray, solved_mle: np.ndarray, solved_regime: np.ndarray) -> np.ndarray:
-    """Regimes that predicted exponents say, by the two thresholds that part the training cells best.
+def regimes_by_threshold(
+    predicted_mle: np.ndarray, solved_mle: np.ndarray, solved_regime: np.ndarray
+) -> np.ndarray:
+    """Regimes that predicted exponents say, by the two thresholds that part the training cells
+    best.
 
     Parameters
     ----------
@@ -136,7 +175,9 @@ def regimes_by_threshold(predicted_mle: np.ndarray, solved_mle: np.ndarray, solv
         The shape of ``predicted_mle``; "" where that is nan.
     """
     predicted_mle = np.asarray(predicted_mle, float)
-    thresholds = DecisionTreeClassifier(max_leaf_nodes=3, random_state=0).fit(solved_mle[:, None], solved_regime)
+    thresholds = DecisionTreeClassifier(max_leaf_nodes=3, random_state=0).fit(
+        solved_mle[:, None], solved_regime
+    )
     found, known = np.full(predicted_mle.shape, "", "<U14"), np.isfinite(predicted_mle)
     if known.any():
         found[known] = thresholds.predict(predicted_mle[known][:, None])

@@ -20,17 +20,25 @@ METRICS = ("rmse", "mae")
 
 
 def rmse(truth: np.ndarray, predicted: np.ndarray) -> float:
-    """Root mean square error, eq. (8) of the paper, in the unit of its arguments (arrays of one shape)."""
-    return float(np.sqrt(np.mean((np.asarray(truth) - np.asarray(predicted))**2)))
+    """Root mean square error, eq.
+
+    (8) of the paper, in the unit of its arguments (arrays of one shape).
+    """
+    return float(np.sqrt(np.mean((np.asarray(truth) - np.asarray(predicted)) ** 2)))
 
 
 def mae(truth: np.ndarray, predicted: np.ndarray) -> float:
-    """Mean absolute error, eq. (9) of the paper, in the unit of its arguments (arrays of one shape)."""
+    """Mean absolute error, eq.
+
+    (9) of the paper, in the unit of its arguments (arrays of one shape).
+    """
     return float(np.mean(np.abs(np.asarray(truth) - np.asarray(predicted))))
 
 
 def errors(m: StabilityMap, predicted: PredictedMap) -> dict[str, float]:
-    """``rmse_all``, ``mae_all`` over all solved cells; ``rmse_held_out``, ``mae_held_out`` over the held-out ones, if any."""
+    """``rmse_all``, ``mae_all`` over all solved cells; ``rmse_held_out``, ``mae_held_out`` over the
+    held-out ones, if any.
+    """
     found = {}
     for name, function in (("rmse", rmse), ("mae", mae)):
         for where, cells in (("all", np.isfinite(m.mle)), ("held_out", predicted.held_out)):
@@ -40,15 +48,24 @@ def errors(m: StabilityMap, predicted: PredictedMap) -> dict[str, float]:
 
 
 def f1(truth: np.ndarray, predicted: np.ndarray) -> float:
-    """F1 score of a class, arrays of bool of one shape: harmonic mean of precision and recall; nan without such a class."""
-    both, either = np.count_nonzero(truth & predicted), np.count_nonzero(truth) + np.count_nonzero(predicted)
+    """F1 score of a class, arrays of bool of one shape: harmonic mean of precision and recall; nan
+    without such a class.
+    """
+    both, either = (
+        np.count_nonzero(truth & predicted),
+        np.count_nonzero(truth) + np.count_nonzero(predicted),
+    )
     return 2.0 * both / either if either else math.nan
 
 
 def regime_scores(truth: np.ndarray, predicted: np.ndarray) -> dict[str, float]:
-    """``regime_accuracy`` and ``chaos_f1`` of predicted regimes, arrays of str (n,); nan where there is nothing to count."""
-    return {"regime_accuracy": float(np.mean(truth == predicted)) if len(truth) else math.nan,
-            "chaos_f1": f1(truth == "chaotic", predicted == "chaotic")}
+    """``regime_accuracy`` and ``chaos_f1`` of predicted regimes, arrays of str (n,); nan where
+    there is nothing to count.
+    """
+    return {
+        "regime_accuracy": float(np.mean(truth == predicted)) if len(truth) else math.nan,
+        "chaos_f1": f1(truth == "chaotic", predicted == "chaotic"),
+    }
 
 
 def score(m: StabilityMap, kind: Model, divisor: int, seed: int, split: str = "random") -> dict:
@@ -57,16 +74,22 @@ def score(m: StabilityMap, kind: Model, divisor: int, seed: int, split: str = "r
     Returns
     -------
     dict
-        ``model``, ``divisor``, ``seed``; ``rmse_all``, ``mae_all`` over all cells, training cells included (the paper's way);
-        ``rmse_held_out``, ``mae_held_out`` over the others (of blocks: the withheld ones), ``regime_accuracy``, ``chaos_f1`` of
-        the regimes that its exponents say there by two thresholds; ``train_seconds``, ``predict_seconds``, ``converged``.
+        ``model``, ``divisor``, ``seed``; ``rmse_all``, ``mae_all`` over all cells, training cells
+        included (the paper's way); ``rmse_held_out``, ``mae_held_out`` over the others (of blocks:
+        the withheld ones), ``regime_accuracy``, ``chaos_f1`` of the regimes that its exponents say
+        there by two thresholds; ``train_seconds``, ``predict_seconds``, ``converged``.
     """
     predicted = predict_map(m, kind, divisor, seed, split)
     found = {"model": kind.name, "divisor": divisor, "seed": seed} | errors(m, predicted)
-    regimes = regimes_by_threshold(predicted.mle, m.mle[predicted.trained], m.regime[predicted.trained])
+    regimes = regimes_by_threshold(
+        predicted.mle, m.mle[predicted.trained], m.regime[predicted.trained]
+    )
     found |= regime_scores(m.regime[predicted.held_out], regimes[predicted.held_out])
-    return found | {"train_seconds": predicted.surrogate.seconds, "predict_seconds": predicted.predict_seconds,
-                    "converged": predicted.surrogate.converged}
+    return found | {
+        "train_seconds": predicted.surrogate.seconds,
+        "predict_seconds": predicted.predict_seconds,
+        "converged": predicted.surrogate.converged,
+    }
 
 
 def uncertainty_scores(m: StabilityMap, found: MapIntervals) -> dict[str, float]:
@@ -75,30 +98,53 @@ def uncertainty_scores(m: StabilityMap, found: MapIntervals) -> dict[str, float]
     Returns
     -------
     dict
-        Of the classifier ``regime_accuracy`` and ``chaos_f1``; of the intervals ``coverage``, ``coverage_periodic``,
-        ``coverage_quasi-periodic``, ``coverage_chaotic`` (by the regime that the solver found; nan where there is none) and
-        ``width``, the median per revolution; of the probability of instability ``calibration_error``.
+        Of the classifier ``regime_accuracy`` and ``chaos_f1``; of the intervals ``coverage``,
+        ``coverage_periodic``, ``coverage_quasi-periodic``, ``coverage_chaotic`` (by the regime that
+        the solver found; nan where there is none) and ``width``, the median per revolution; of the
+        probability of instability ``calibration_error``.
     """
     tested = found.held_out
     truth = m.regime[tested]
     inside = ((found.low <= m.mle) & (m.mle <= found.high))[tested]
     scores = regime_scores(truth, found.regime[tested]) | {"coverage": float(inside.mean())}
-    scores |= {f"coverage_{r}": float(inside[truth == r].mean()) if (truth == r).any() else math.nan for r in REGIMES}
+    scores |= {
+        f"coverage_{r}": float(inside[truth == r].mean()) if (truth == r).any() else math.nan
+        for r in REGIMES
+    }
     _, error = reliability(truth != "periodic", found.unstable[tested])
-    return scores | {"width": float(np.median((found.high - found.low)[tested])), "calibration_error": error}
+    return scores | {
+        "width": float(np.median((found.high - found.low)[tested])),
+        "calibration_error": error,
+    }
 
 
-def score_uncertainty(m: StabilityMap, kind: Model, divisor: int, seed: int, split: str = "random") -> dict:
-    """:func:`uncertainty_scores` from 1/divisor of a map, with ``model``, ``divisor``, ``seed`` and ``train_seconds``."""
+def score_uncertainty(
+    m: StabilityMap, kind: Model, divisor: int, seed: int, split: str = "random"
+) -> dict:
+    """:func:`uncertainty_scores` from 1/divisor of a map, with ``model``, ``divisor``, ``seed`` and
+    ``train_seconds``.
+    """
     found = uncertain_map(m, kind, divisor, seed, split)
-    return ({"model": kind.name, "divisor": divisor, "seed": seed} | uncertainty_scores(m, found)
-            | {"train_seconds": found.seconds})
+    return (
+        {"model": kind.name, "divisor": divisor, "seed": seed}
+        | uncertainty_scores(m, found)
+        | {"train_seconds": found.seconds}
+    )
 
 
-def evaluate(m: StabilityMap, models: Iterable[Model] = tuple(MODELS.values()), divisors: Sequence[int] = DIVISORS,
-             seeds: Sequence[int] = SEEDS, *, split: str = "random", uncertainty: bool = False, workers: int = 1,
-             progress: Callable[[int], None] | None = None) -> pd.DataFrame:
-    """Scores of models x training fractions x seeds, one row each, as in :func:`score` or :func:`score_uncertainty`.
+def evaluate(
+    m: StabilityMap,
+    models: Iterable[Model] = tuple(MODELS.values()),
+    divisors: Sequence[int] = DIVISORS,
+    seeds: Sequence[int] = SEEDS,
+    *,
+    split: str = "random",
+    uncertainty: bool = False,
+    workers: int = 1,
+    progress: Callable[[int], None] | None = None,
+) -> pd.DataFrame:
+    """Scores of models x training fractions x seeds, one row each, as in :func:`score` or
+    :func:`score_uncertainty`.
 
     Parameters
     ----------
@@ -120,7 +166,12 @@ def evaluate(m: StabilityMap, models: Iterable[Model] = tuple(MODELS.values()), 
         Sorted by model, divisor and seed, whatever the number of workers.
     """
     kinds = list(models)
-    jobs = [(kind.name, divisor, seed, split, uncertainty) for kind in kinds for divisor in divisors for seed in seeds]
+    jobs = [
+        (kind.name, divisor, seed, split, uncertainty)
+        for kind in kinds
+        for divisor in divisors
+        for seed in seeds
+    ]
     rows = []
     run = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", pre_dispatch="2*n_jobs")
     for row in run(joblib.delayed(_score_by_name)(m, *job) for job in jobs):

@@ -1,8 +1,9 @@
-"""Models that predict a map from some of its cells: the paper's four, what a user would do without them, and better ones.
+"""Models that predict a map from some of its cells: the paper's four, what a user would do without
+them, and better ones.
 
-The protocol is the paper's (Kuo, Lee and Wang, IEEE Access 8, 2020, section IV): inputs (bearing number, rotor mass) and
-target (exponent) scaled to [0, 1], training cells drawn at random without replacement, predictions scaled back.
-"""
+The protocol is the paper's (Kuo, Lee and Wang, IEEE Access 8, 2020, section IV): inputs (bearing
+number, rotor mass) and target (exponent) scaled to [0, 1], training cells drawn at random without
+replacement, predictions scaled back."""
 
 from __future__ import annotations
 
@@ -12,11 +13,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CloughTocher2DInterpolator, LinearNDInterpolator, NearestNDInterpolator
+from scipy.interpolate import (
+    CloughTocher2DInterpolator,
+    LinearNDInterpolator,
+    NearestNDInterpolator,
+)
 from scipy.spatial import QhullError
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.compose import TransformedTargetRegressor
-from sklearn.ensemble import ExtraTreesRegressor, HistGradientBoostingRegressor, RandomForestRegressor
+from sklearn.ensemble import (
+    ExtraTreesRegressor,
+    HistGradientBoostingRegressor,
+    RandomForestRegressor,
+)
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.neighbors import KNeighborsRegressor
 from sklearn.neural_network import MLPRegressor
@@ -38,7 +47,8 @@ WITHHELD = 0.25  # of the rectangles
 
 
 class Interpolation(RegressorMixin, BaseEstimator):
-    """Piecewise polynomials over the Delaunay triangles of the samples; the nearest sample outside their hull.
+    """Piecewise polynomials over the Delaunay triangles of the samples; the nearest sample outside
+    their hull.
 
     Parameters
     ----------
@@ -50,12 +60,17 @@ class Interpolation(RegressorMixin, BaseEstimator):
         self.degree = degree
 
     def fit(self, X, y):
-        """Triangulate the samples X (n, 2) with values y (n,). Raises InputError where they lie on one line."""
+        """Triangulate the samples X (n, 2) with values y (n,).
+
+        Raises InputError where they lie on one line.
+        """
         kind = {1: LinearNDInterpolator, 3: CloughTocher2DInterpolator}[self.degree]
         try:
             self.inside_ = kind(X, y)
         except QhullError:
-            raise InputError("the training cells lie on one line: interpolation needs a plane") from None
+            raise InputError(
+                "the training cells lie on one line: interpolation needs a plane"
+            ) from None
         self.outside_ = NearestNDInterpolator(X, y)
         return self
 
@@ -80,8 +95,8 @@ class Model:
     group : str
         ``paper``, ``interpolation`` or ``better``.
     build : callable
-        Seed -> scikit-learn regressor on scaled inputs and target; with ``theory``, seed and linear table of the design ->
-        regressor on bearing number, rotor mass and exponent as they are.
+        Seed -> scikit-learn regressor on scaled inputs and target; with ``theory``, seed and linear
+        table of the design -> regressor on bearing number, rotor mass and exponent as they are.
     theory : bool
         Whether it starts from linear theory.
     """
@@ -93,24 +108,78 @@ class Model:
     theory: bool = False
 
 
-MODELS = {model.name: model for model in (
-    # section IV.B of the paper; what it does not say is scikit-learn's default
-    Model("mlp", "MLP", "paper", lambda seed: MLPRegressor(hidden_layer_sizes=(10,), activation="relu", solver="adam",
-                                                           max_iter=500, random_state=seed)),
-    Model("svr", "SVR", "paper", lambda seed: SVR(kernel="rbf", C=1.0)),
-    Model("tree", "Decision tree", "paper", lambda seed: DecisionTreeRegressor(max_depth=20, random_state=seed)),
-    Model("forest", "Random forest", "paper", lambda seed: RandomForestRegressor(n_estimators=100, max_depth=20,
-                                                                                 random_state=seed)),
-    Model("nearest", "Nearest sample", "interpolation", lambda seed: KNeighborsRegressor(n_neighbors=1)),
-    Model("linear", "Linear interpolation", "interpolation", lambda seed: Interpolation(1)),
-    Model("cubic", "Cubic interpolation", "interpolation", lambda seed: Interpolation(3)),
-    Model("extra-trees", "Extra trees", "better", lambda seed: ExtraTreesRegressor(n_estimators=100, min_samples_leaf=1,
-                                                                                   random_state=seed)),
-    Model("boosting", "Gradient boosting", "better", lambda seed: HistGradientBoostingRegressor(
-        max_iter=600, learning_rate=0.1, max_leaf_nodes=63, min_samples_leaf=5, random_state=seed)),
-    Model("neighbours", "Four neighbours", "better", lambda seed: KNeighborsRegressor(n_neighbors=4, weights="distance")),
-    Model("theory-trees", "Trees on linear theory", "better", lambda seed, table: TheoryTrees(table, seed), theory=True),
-)}
+MODELS = {
+    model.name: model
+    for model in (
+        # section IV.B of the paper; what it does not say is scikit-learn's default
+        Model(
+            "mlp",
+            "MLP",
+            "paper",
+            lambda seed: MLPRegressor(
+                hidden_layer_sizes=(10,),
+                activation="relu",
+                solver="adam",
+                max_iter=500,
+                random_state=seed,
+            ),
+        ),
+        Model("svr", "SVR", "paper", lambda seed: SVR(kernel="rbf", C=1.0)),
+        Model(
+            "tree",
+            "Decision tree",
+            "paper",
+            lambda seed: DecisionTreeRegressor(max_depth=20, random_state=seed),
+        ),
+        Model(
+            "forest",
+            "Random forest",
+            "paper",
+            lambda seed: RandomForestRegressor(n_estimators=100, max_depth=20, random_state=seed),
+        ),
+        Model(
+            "nearest",
+            "Nearest sample",
+            "interpolation",
+            lambda seed: KNeighborsRegressor(n_neighbors=1),
+        ),
+        Model("linear", "Linear interpolation", "interpolation", lambda seed: Interpolation(1)),
+        Model("cubic", "Cubic interpolation", "interpolation", lambda seed: Interpolation(3)),
+        Model(
+            "extra-trees",
+            "Extra trees",
+            "better",
+            lambda seed: ExtraTreesRegressor(
+                n_estimators=100, min_samples_leaf=1, random_state=seed
+            ),
+        ),
+        Model(
+            "boosting",
+            "Gradient boosting",
+            "better",
+            lambda seed: HistGradientBoostingRegressor(
+                max_iter=600,
+                learning_rate=0.1,
+                max_leaf_nodes=63,
+                min_samples_leaf=5,
+                random_state=seed,
+            ),
+        ),
+        Model(
+            "neighbours",
+            "Four neighbours",
+            "better",
+            lambda seed: KNeighborsRegressor(n_neighbors=4, weights="distance"),
+        ),
+        Model(
+            "theory-trees",
+            "Trees on linear theory",
+            "better",
+            lambda seed, table: TheoryTrees(table, seed),
+            theory=True,
+        ),
+    )
+}
 
 
 def model(name: str) -> Model:
@@ -121,14 +190,22 @@ def model(name: str) -> Model:
 
 
 def solved_cells(m: StabilityMap) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The cells that have an exponent: flat indices (n,), inputs (n, 2) as bearing number and rotor mass, exponents (n,)."""
+    """The cells that have an exponent: flat indices (n,), inputs (n, 2) as bearing number and rotor
+    mass, exponents (n,).
+    """
     number, mass = np.meshgrid(m.bearing_number, m.rotor_mass, indexing="ij")
     index = np.flatnonzero(np.isfinite(m.mle))
-    return index, np.column_stack([number.ravel()[index], mass.ravel()[index]]), m.mle.ravel()[index]
+    return (
+        index,
+        np.column_stack([number.ravel()[index], mass.ravel()[index]]),
+        m.mle.ravel()[index],
+    )
 
 
 def training_mask(count: int, divisor: int, seed: int) -> np.ndarray:
-    """Which of ``count`` cells are trained on: count // divisor of them, drawn without replacement. Shape (count,), bool.
+    """Which of ``count`` cells are trained on: count // divisor of them, drawn without replacement.
+
+    Shape (count,), bool.
 
     Raises
     ------
@@ -136,15 +213,19 @@ def training_mask(count: int, divisor: int, seed: int) -> np.ndarray:
         Where that leaves fewer than :data:`MIN_TRAINING` cells.
     """
     if not 1 <= divisor <= max(count // MIN_TRAINING, 1) or count < MIN_TRAINING:
-        raise InputError(f"training fraction 1/{divisor} of {count} cells is out of range: at least {MIN_TRAINING} cells are "
-                         "needed to train")
+        raise InputError(
+            f"training fraction 1/{divisor} of {count} cells is out of range: at least "
+            f"{MIN_TRAINING} cells are "
+            "needed to train"
+        )
     mask = np.zeros(count, bool)
-    mask[np.random.default_rng(seed).permutation(count)[:count // divisor]] = True
+    mask[np.random.default_rng(seed).permutation(count)[: count // divisor]] = True
     return mask
 
 
 def block_split(m: StabilityMap, divisor: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """A harder split: a quarter of 10 x 10 rectangles of the plane is withheld whole, training cells are drawn outside them.
+    """A harder split: a quarter of 10 x 10 rectangles of the plane is withheld whole, training
+    cells are drawn outside them.
 
     Parameters
     ----------
@@ -168,18 +249,26 @@ def block_split(m: StabilityMap, divisor: int, seed: int) -> tuple[np.ndarray, n
     rows, columns = np.unravel_index(index, m.shape)
     block = rows * BLOCKS // m.shape[0] * BLOCKS + columns * BLOCKS // m.shape[1]
     random = np.random.default_rng(seed)
-    withheld = np.isin(block, random.permutation(BLOCKS**2)[:round(WITHHELD * BLOCKS**2)])
+    withheld = np.isin(block, random.permutation(BLOCKS**2)[: round(WITHHELD * BLOCKS**2)])
     outside = np.flatnonzero(~withheld)
-    if not 1 <= divisor <= max(count // MIN_TRAINING, 1) or not MIN_TRAINING <= count // divisor <= len(outside):
-        raise InputError(f"training fraction 1/{divisor} of {count} cells is out of range: at least {MIN_TRAINING} cells, and "
-                         f"at most the {len(outside)} outside the withheld rectangles can be trained on")
+    if not 1 <= divisor <= max(
+        count // MIN_TRAINING, 1
+    ) or not MIN_TRAINING <= count // divisor <= len(outside):
+        raise InputError(
+            f"training fraction 1/{divisor} of {count} cells is out of range: at least "
+            f"{MIN_TRAINING} cells, and "
+            f"at most the {len(outside)} outside the withheld rectangles can be trained on"
+        )
     chosen = np.zeros(count, bool)
-    chosen[random.permutation(outside)[:count // divisor]] = True
+    chosen[random.permutation(outside)[: count // divisor]] = True
     return chosen, withheld
 
 
-def split_cells(m: StabilityMap, divisor: int, seed: int, split: str = "random") -> tuple[np.ndarray, np.ndarray]:
-    """Training cells and the cells that errors are measured on, among the solved ones, by a split of :data:`SPLITS`.
+def split_cells(
+    m: StabilityMap, divisor: int, seed: int, split: str = "random"
+) -> tuple[np.ndarray, np.ndarray]:
+    """Training cells and the cells that errors are measured on, among the solved ones, by a split
+    of :data:`SPLITS`.
 
     Raises
     ------
@@ -220,12 +309,17 @@ class Surrogate:
 
     def predict(self, bearing_number: np.ndarray, rotor_mass: np.ndarray) -> np.ndarray:
         """Exponents per revolution at points given by arrays of one shape, rotor mass in kg."""
-        number, mass = np.broadcast_arrays(np.asarray(bearing_number, float), np.asarray(rotor_mass, float))
-        return self.estimator.predict(np.column_stack([number.ravel(), mass.ravel()])).reshape(number.shape)
+        number, mass = np.broadcast_arrays(
+            np.asarray(bearing_number, float), np.asarray(rotor_mass, float)
+        )
+        return self.estimator.predict(np.column_stack([number.ravel(), mass.ravel()])).reshape(
+            number.shape
+        )
 
 
 def linear_table_of(m: StabilityMap) -> LinearTable:
-    """Linear stability of a map's design over at least its plane; computed, half a minute, unless it is the shipped one.
+    """Linear stability of a map's design over at least its plane; computed, half a minute, unless
+    it is the shipped one.
 
     Raises
     ------
@@ -233,10 +327,19 @@ def linear_table_of(m: StabilityMap) -> LinearTable:
         Where the design has no static equilibrium anywhere in the plane.
     """
     number, mass = m.bearing_number, m.rotor_mass
-    return table_for(m.design, ((float(number.min()), float(number.max())), (float(mass.min()), float(mass.max()))))
+    return table_for(
+        m.design,
+        ((float(number.min()), float(number.max())), (float(mass.min()), float(mass.max()))),
+    )
 
 
-def train(kind: Model, inputs: np.ndarray, mle: np.ndarray, seed: int = 0, table: LinearTable | None = None) -> Surrogate:
+def train(
+    kind: Model,
+    inputs: np.ndarray,
+    mle: np.ndarray,
+    seed: int = 0,
+    table: LinearTable | None = None,
+) -> Surrogate:
     """Train one model.
 
     Parameters
@@ -248,7 +351,8 @@ def train(kind: Model, inputs: np.ndarray, mle: np.ndarray, seed: int = 0, table
         Per revolution, finite.
     seed : int
     table : LinearTable
-        Of the design (:func:`linear_table_of`), for models that start from linear theory; left out: the reference design's.
+        Of the design (:func:`linear_table_of`), for models that start from linear theory; left out:
+        the reference design's.
 
     Returns
     -------
@@ -257,7 +361,9 @@ def train(kind: Model, inputs: np.ndarray, mle: np.ndarray, seed: int = 0, table
     if kind.theory:
         estimator = kind.build(seed, table or shipped_table())
     else:
-        estimator = TransformedTargetRegressor(make_pipeline(MinMaxScaler(), kind.build(seed)), transformer=MinMaxScaler())
+        estimator = TransformedTargetRegressor(
+            make_pipeline(MinMaxScaler(), kind.build(seed)), transformer=MinMaxScaler()
+        )
     began = time.perf_counter()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # told by ``converged``
@@ -284,7 +390,8 @@ class PredictedMap:
     predict_seconds : float
         For the whole map.
     withheld : ndarray of bool, (B, M), or None
-        The cells of withheld rectangles; None where the training cells were drawn from the whole plane.
+        The cells of withheld rectangles; None where the training cells were drawn from the whole
+        plane.
     """
 
     model: Model
@@ -298,12 +405,14 @@ class PredictedMap:
 
     @property
     def held_out(self) -> np.ndarray:
-        """The cells that errors are measured on, (B, M) of bool: those with an exponent that were not trained on; of blocks,
-        only the withheld ones."""
+        """The cells that errors are measured on, (B, M) of bool: those with an exponent that were
+        not trained on; of blocks, only the withheld ones."""
         return np.isfinite(self.mle) & (~self.trained if self.withheld is None else self.withheld)
 
 
-def predict_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0, split: str = "random") -> PredictedMap:
+def predict_map(
+    m: StabilityMap, kind: Model, divisor: int, seed: int = 0, split: str = "random"
+) -> PredictedMap:
     """Train on 1/divisor of a map's cells and predict all of them.
 
     Parameters
@@ -328,7 +437,9 @@ def predict_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0, split
     """
     index, inputs, mle = solved_cells(m)
     chosen, tested = split_cells(m, divisor, seed, split)
-    surrogate = train(kind, inputs[chosen], mle[chosen], seed, linear_table_of(m) if kind.theory else None)
+    surrogate = train(
+        kind, inputs[chosen], mle[chosen], seed, linear_table_of(m) if kind.theory else None
+    )
     began = time.perf_counter()
     predicted = np.full(m.mle.size, np.nan)
     predicted[index] = surrogate.estimator.predict(inputs)
@@ -336,5 +447,13 @@ def predict_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0, split
     trained, withheld = np.zeros((2, m.mle.size), bool)
     trained[index[chosen]] = True
     withheld[index[tested]] = True
-    return PredictedMap(kind, divisor, seed, predicted.reshape(m.shape), trained.reshape(m.shape), surrogate, seconds,
-                        withheld.reshape(m.shape) if split == "blocks" else None)
+    return PredictedMap(
+        kind,
+        divisor,
+        seed,
+        predicted.reshape(m.shape),
+        trained.reshape(m.shape),
+        surrogate,
+        seconds,
+        withheld.reshape(m.shape) if split == "blocks" else None,
+    )

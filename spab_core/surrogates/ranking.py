@@ -1,4 +1,6 @@
-"""How well surrogates predict: the paper's metrics and tables, with held-out cells beside the whole map, and a ranking."""
+"""How well surrogates predict: the paper's metrics and tables, with held-out cells beside the whole
+map, and a ranking.
+"""
 
 from __future__ import annotations
 
@@ -18,27 +20,16 @@ from spab_core.trajectory.regimes import REGIMES
 SIGNIFICANT = 0.05  # a difference with a larger p is a tie
 # the paper's table 1, RMSE for n/2 ... n/8, in the unit of its map, which it does not tell
 PAPER_RMSE = {
-    "mlp": (0.85, 0.85, 0.85, 0.96, 0.87, 0.85, 0.84), "svr": (0.98, 0.99, 0.98, 0.98, 0.99, 0.99, 0.99),
-    "tree": (0.51, 0.59, 0.64, 0.70, 0.72, 0.74, 0.78), "forest": (0.45, 0.51, 0.56, 0.58, 0.60, 0.63, 0.63),
+    "mlp": (0.85, 0.85, 0.85, 0.96, 0.87, 0.85, 0.84),
+    "svr": (0.98, 0.99, 0.98, 0.98, 0.99, 0.99, 0.99),
+    "tree": (0.51, 0.59, 0.64, 0.70, 0.72, 0.74, 0.78),
+    "forest": (0.45, 0.51, 0.56, 0.58, 0.60, 0.63, 0.63),
 }
 
 
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-def comparison_words(predicted: float, exponent: Exponent | None, interval: tuple[float, float] | None,
-                     trained: bool) -> tuple[bool | None, str]:
+def comparison_words(
+    predicted: float, exponent: Exponent | None, interval: tuple[float, float] | None, trained: bool
+) -> tuple[bool | None, str]:
     """A prediction beside the solver's answer.
 
     Parameters
@@ -61,24 +52,27 @@ def comparison_words(predicted: float, exponent: Exponent | None, interval: tupl
     """
     if exponent is None or not math.isfinite(predicted):
         return None, "There is nothing to compare: the run failed here, live or on the map."
-    words = (f"Predicted {predicted:+.3f}, solved live {exponent.value:+.3f} ± {exponent.standard_error:.3f} per revolution: "
-             f"{abs(predicted - exponent.value):.3f} apart")
+    words = (
+        f"Predicted {predicted:+.3f}, solved live {exponent.value:+.3f} ± "
+        f"{exponent.standard_error:.3f} per revolution: "
+        f"{abs(predicted - exponent.value):.3f} apart"
+    )
     inside = None
     if interval is not None and np.isfinite(interval).all():
         inside = bool(interval[0] <= exponent.value <= interval[1])
-        words += (f". The solved value lies {'inside' if inside else 'outside'} the model's {CONFIDENCE:.0%} interval, "
-                  f"{interval[0]:+.3f} to {interval[1]:+.3f}" + ("" if inside else "; one cell in ten should"))
+        words += (
+            f". The solved value lies {'inside' if inside else 'outside'} the model's "
+            f"{CONFIDENCE:.0%} interval, "
+            f"{interval[0]:+.3f} to {interval[1]:+.3f}"
+            + ("" if inside else "; one cell in ten should")
+        )
     return inside, words + (". The model was trained on this cell." if trained else ".")
 
 
-
-
-
-
-
-
 def table(scores: pd.DataFrame, metric: str) -> pd.DataFrame:
-    """A table like the paper's: rows n/2 ... n/8, Average, Standard deviation (n - 1), Max - Min; a column for each model.
+    """A table like the paper's: rows n/2 ...
+
+    n/8, Average, Standard deviation (n - 1), Max - Min; a column for each model.
 
     Parameters
     ----------
@@ -87,21 +81,35 @@ def table(scores: pd.DataFrame, metric: str) -> pd.DataFrame:
     metric : str
         A column of it, such as ``rmse_held_out``; entries are means over seeds.
     """
-    means = scores.pivot_table(index="divisor", columns="model", values=metric, aggfunc="mean", sort=False).sort_index()
+    means = scores.pivot_table(
+        index="divisor", columns="model", values=metric, aggfunc="mean", sort=False
+    ).sort_index()
     rows = means.set_axis([f"n/{k}" for k in means.index])
-    summary = pd.DataFrame({"Average": means.mean(), "Standard deviation": means.std(ddof=1),
-                            "Max - Min": means.max() - means.min()}).T
+    summary = pd.DataFrame(
+        {
+            "Average": means.mean(),
+            "Standard deviation": means.std(ddof=1),
+            "Max - Min": means.max() - means.min(),
+        }
+    ).T
     return pd.concat([rows, summary])
 
 
 def spread(scores: pd.DataFrame, metric: str) -> pd.DataFrame:
-    """Standard deviation over seeds (n - 1) of a metric: rows n/2 ... n/8, a column for each model."""
-    found = scores.pivot_table(index="divisor", columns="model", values=metric, aggfunc="std", sort=False).sort_index()
+    """Standard deviation over seeds (n - 1) of a metric: rows n/2 ...
+
+    n/8, a column for each model.
+    """
+    found = scores.pivot_table(
+        index="divisor", columns="model", values=metric, aggfunc="std", sort=False
+    ).sort_index()
     return found.set_axis([f"n/{k}" for k in found.index])
 
 
 def is_tie(scores: pd.DataFrame, metric: str, first: str, second: str) -> bool:
-    """Whether two models' averages over the fractions differ by chance: Student's t test, paired by seed; one seed is a tie."""
+    """Whether two models' averages over the fractions differ by chance: Student's t test, paired by
+    seed; one seed is a tie.
+    """
     by_seed = scores.pivot_table(index="seed", columns="model", values=metric, aggfunc="mean")
     difference = (by_seed[first] - by_seed[second]).to_numpy()
     if len(difference) < 2 or np.ptp(difference) == 0.0:
@@ -122,18 +130,27 @@ def ranking(scores: pd.DataFrame, kind: str = "held_out") -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Indexed by model, in the order of ``rmse``: ``rmse``, ``mae`` (averages over fractions and seeds), ``spread`` (standard
-        deviation of the RMSE over the fractions), the rank by each, and ``tied``, whether the RMSE differs from the best one by
-        chance only.
+        Indexed by model, in the order of ``rmse``: ``rmse``, ``mae`` (averages over fractions and
+        seeds), ``spread`` (standard deviation of the RMSE over the fractions), the rank by each,
+        and ``tied``, whether the RMSE differs from the best one by chance only.
     """
     tables = {name: table(scores, f"{name}_{kind}") for name in METRICS}
-    found = pd.DataFrame({"rmse": tables["rmse"].loc["Average"], "mae": tables["mae"].loc["Average"],
-                          "spread": tables["rmse"].loc["Standard deviation"]})
+    found = pd.DataFrame(
+        {
+            "rmse": tables["rmse"].loc["Average"],
+            "mae": tables["mae"].loc["Average"],
+            "spread": tables["rmse"].loc["Standard deviation"],
+        }
+    )
     for name in ("rmse", "mae", "spread"):
-        found[f"rank_{name}"] = found[name].rank(method="min", na_option="bottom").astype(int)  # one fraction has no spread
+        found[f"rank_{name}"] = (
+            found[name].rank(method="min", na_option="bottom").astype(int)
+        )  # one fraction has no spread
     found = found.sort_values("rmse")
     best = found.index[0]
-    found["tied"] = [name != best and is_tie(scores, f"rmse_{kind}", best, name) for name in found.index]
+    found["tied"] = [
+        name != best and is_tie(scores, f"rmse_{kind}", best, name) for name in found.index
+    ]
     return found
 
 
@@ -141,21 +158,25 @@ def suggestion(ranked: pd.DataFrame) -> str:
     """The ranking in one sentence."""
     best, tied = ranked.index[0], ranked.index[ranked["tied"]]
     row = ranked.loc[best]
-    text = (f"Best by RMSE: {MODELS[best].label}, on average {row['rmse']:.3f} per revolution, MAE {row['mae']:.3f}, "
-            "over the training fractions")
+    text = (
+        f"Best by RMSE: {MODELS[best].label}, on average {row['rmse']:.3f} per revolution, MAE "
+        f"{row['mae']:.3f}, "
+        "over the training fractions"
+    )
     if len(tied):
         text += f"; {', '.join(MODELS[name].label for name in tied)}: no worse but for chance"
     return text + "."
 
 
 def error_by_regime(m: StabilityMap, predicted: PredictedMap) -> pd.DataFrame:
-    """Where the error lives: held-out cells by the regime that the solver found, and those beside another regime.
+    """Where the error lives: held-out cells by the regime that the solver found, and those beside
+    another regime.
 
     Returns
     -------
     DataFrame
-        Rows: the regimes there are, and "at a border" (another regime among the four neighbours); columns ``cells``, ``rmse``,
-        ``mae``, and ``share`` of the sum of squares.
+        Rows: the regimes there are, and "at a border" (another regime among the four neighbours);
+        columns ``cells``, ``rmse``, ``mae``, and ``share`` of the sum of squares.
     """
     held_out = predicted.held_out
     border = np.zeros(m.shape, bool)
@@ -164,12 +185,15 @@ def error_by_regime(m: StabilityMap, predicted: PredictedMap) -> pd.DataFrame:
         differs = first != second
         pad = [(0, 1) if a == axis else (0, 0) for a in (0, 1)]
         border |= np.pad(differs, pad) | np.pad(differs, [p[::-1] for p in pad])
-    squares = (m.mle - predicted.mle)**2
+    squares = (m.mle - predicted.mle) ** 2
     rows = {}
     for name, mask in [*((r, m.regime == r) for r in REGIMES), ("at a border", border)]:
         chosen = held_out & mask
         if chosen.any():
-            rows[name] = {"cells": int(chosen.sum()), "rmse": rmse(m.mle[chosen], predicted.mle[chosen]),
-                          "mae": mae(m.mle[chosen], predicted.mle[chosen]),
-                          "share": float(squares[chosen].sum() / max(squares[held_out].sum(), 1e-300))}
+            rows[name] = {
+                "cells": int(chosen.sum()),
+                "rmse": rmse(m.mle[chosen], predicted.mle[chosen]),
+                "mae": mae(m.mle[chosen], predicted.mle[chosen]),
+                "share": float(squares[chosen].sum() / max(squares[held_out].sum(), 1e-300)),
+            }
     return pd.DataFrame.from_dict(rows, orient="index", columns=["cells", "rmse", "mae", "share"])

@@ -1,9 +1,10 @@
-"""A regressor that starts from linear theory: it learns what it leaves of the exponent, from the cells that were solved.
+"""A regressor that starts from linear theory: it learns what it leaves of the exponent, from the
+cells that were solved.
 
-Where the rotor is strongly damped (small bearing number) the linear decay rate is the exponent but for a few percent; where
-it whirls linear theory says nothing but that, and the exponent is near 0. So the baseline is the rate where it is negative, 0
-elsewhere, and what remains is learnt times the bearing number, in which it is smooth: exponents grow as 1/bearing number.
-"""
+Where the rotor is strongly damped (small bearing number) the linear decay rate is the exponent but
+for a few percent; where it whirls linear theory says nothing but that, and the exponent is near 0.
+So the baseline is the rate where it is negative, 0 elsewhere, and what remains is learnt times the
+bearing number, in which it is smooth: exponents grow as 1/bearing number."""
 
 from __future__ import annotations
 
@@ -17,12 +18,15 @@ TREES = 100
 
 
 def baseline(features: np.ndarray) -> np.ndarray:
-    """Exponent by linear theory, (n,), per revolution, from features (n, 6): the rate of decay, 0 where the rotor whirls."""
+    """Exponent by linear theory, (n,), per revolution, from features (n, 6): the rate of decay, 0
+    where the rotor whirls.
+    """
     return np.minimum(features[:, FEATURES.index("linear rate")], 0.0)
 
 
 class TheoryTrees(RegressorMixin, BaseEstimator):
-    """Extra trees on bearing number, rotor mass, M and linear theory, for what linear theory leaves.
+    """Extra trees on bearing number, rotor mass, M and linear theory, for what linear theory
+    leaves.
 
     Parameters
     ----------
@@ -43,7 +47,9 @@ class TheoryTrees(RegressorMixin, BaseEstimator):
     def fit(self, X, y):
         """Learn from X (n, 2), bearing number and rotor mass in kg, and exponents y (n,)."""
         number, features, linear = self._prepare(X)
-        self.trees_ = ExtraTreesRegressor(TREES, random_state=self.seed).fit(features, (y - linear) * number)
+        self.trees_ = ExtraTreesRegressor(TREES, random_state=self.seed).fit(
+            features, (y - linear) * number
+        )
         return self
 
     def predict(self, X):

@@ -1,11 +1,13 @@
-"""How sure a surrogate is: conformal intervals of the exponent and a calibrated probability that a point is unstable.
+"""How sure a surrogate is: conformal intervals of the exponent and a calibrated probability that a
+point is unstable.
 
-Unstable means that the exponent is not negative: the motion is not periodic, but quasi-periodic or chaotic.
+Unstable means that the exponent is not negative: the motion is not periodic, but quasi-periodic or
+chaotic.
 
-A quarter of the training cells is not trained on: how wrong the model is there sets the width of the intervals (split
-conformal prediction, the library crepes), for each predicted regime apart (Mondrian) and in proportion to how much the
-training cells around a point differ. Cells drawn at random from the same plane are then covered nine times in ten.
-"""
+A quarter of the training cells is not trained on: how wrong the model is there sets the width of
+the intervals (split conformal prediction, the library crepes), for each predicted regime apart
+(Mondrian) and in proportion to how much the training cells around a point differ. Cells drawn at
+random from the same plane are then covered nine times in ten."""
 
 from __future__ import annotations
 
@@ -27,7 +29,14 @@ from spab_core.common.npz import UNREADABLE, npz_bytes, open_npz
 from spab_core.linear_theory.linear_table import LinearFeatures, LinearTable, shipped_table
 from spab_core.maps.stability_map import StabilityMap
 from spab_core.surrogates.classifier import PredictedRegimes, RegimeTrees, predict_regimes
-from spab_core.surrogates.models import Model, Surrogate, linear_table_of, solved_cells, train, training_mask
+from spab_core.surrogates.models import (
+    Model,
+    Surrogate,
+    linear_table_of,
+    solved_cells,
+    train,
+    training_mask,
+)
 from spab_core.surrogates.theory_trees import baseline
 from spab_core.trajectory.regimes import REGIMES
 
@@ -63,23 +72,39 @@ class Uncertainty:
     _unstable: IsotonicRegression
     _scale: np.ndarray
 
-    def intervals(self, bearing_number: np.ndarray, rotor_mass: np.ndarray,
-                  confidence: float = CONFIDENCE) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper bounds of the exponent per revolution, at points given by arrays (n,), rotor mass in kg."""
+    def intervals(
+        self, bearing_number: np.ndarray, rotor_mass: np.ndarray, confidence: float = CONFIDENCE
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper bounds of the exponent per revolution, at points given by arrays (n,),
+        rotor mass in kg.
+        """
         inputs = np.column_stack([bearing_number, rotor_mass]).astype(float)
         bins = self._bins[self.classifier.predict_proba(inputs).argmax(axis=1)]
         sigmas = self._difficulty.apply(inputs / self._scale)
-        found = self._conformal.predict_int(self.surrogate.predict(*inputs.T), sigmas=sigmas, bins=bins, confidence=confidence)
+        found = self._conformal.predict_int(
+            self.surrogate.predict(*inputs.T), sigmas=sigmas, bins=bins, confidence=confidence
+        )
         return found[:, 0], found[:, 1]
 
     def unstable(self, bearing_number: np.ndarray, rotor_mass: np.ndarray) -> np.ndarray:
-        """Probability (n,) that a point is not periodic, at points given by arrays (n,), rotor mass in kg."""
+        """Probability (n,) that a point is not periodic, at points given by arrays (n,), rotor mass
+        in kg.
+        """
         inputs = np.column_stack([bearing_number, rotor_mass]).astype(float)
-        return self._unstable.predict(1.0 - self.classifier.predict_proba(inputs)[:, REGIMES.index("periodic")])
+        return self._unstable.predict(
+            1.0 - self.classifier.predict_proba(inputs)[:, REGIMES.index("periodic")]
+        )
 
 
-def calibrate(kind: Model, inputs: np.ndarray, mle: np.ndarray, regime: np.ndarray, seed: int = 0,
-              table: LinearTable | None = None, trained: tuple[Surrogate, RegimeTrees] | None = None) -> Uncertainty:
+def calibrate(
+    kind: Model,
+    inputs: np.ndarray,
+    mle: np.ndarray,
+    regime: np.ndarray,
+    seed: int = 0,
+    table: LinearTable | None = None,
+    trained: tuple[Surrogate, RegimeTrees] | None = None,
+) -> Uncertainty:
     """Train on three quarters of the cells and calibrate on the others.
 
     Parameters
@@ -108,22 +133,40 @@ def calibrate(kind: Model, inputs: np.ndarray, mle: np.ndarray, regime: np.ndarr
     table = table or shipped_table()
     count = int(CALIBRATION * len(mle))
     if count < MIN_CALIBRATION:
-        raise TooFewCells(f"{len(mle)} training cells are too few for intervals: at least "
-                          f"{int(MIN_CALIBRATION / CALIBRATION)} are needed")
-    order = np.random.default_rng([seed, 1]).permutation(len(mle))  # not the draw of the training cells again
+        raise TooFewCells(
+            f"{len(mle)} training cells are too few for intervals: at least "
+            f"{int(MIN_CALIBRATION / CALIBRATION)} are needed"
+        )
+    order = np.random.default_rng([seed, 1]).permutation(
+        len(mle)
+    )  # not the draw of the training cells again
     held, used = order[:count], order[count:]
-    surrogate, classifier = trained or (train(kind, inputs[used], mle[used], seed, table),
-                                        RegimeTrees(table, seed).fit(inputs[used], regime[used]))
+    surrogate, classifier = trained or (
+        train(kind, inputs[used], mle[used], seed, table),
+        RegimeTrees(table, seed).fit(inputs[used], regime[used]),
+    )
     scale = np.ptp(inputs, axis=0) + 1e-300
-    varies = mle - baseline(LinearFeatures(table).transform(inputs)) if kind.theory else mle  # what the model has to learn
-    difficulty = DifficultyEstimator().fit(X=inputs[used] / scale, y=varies[used], k=min(_NEIGHBOURS, len(used)), scaler=False,
-                                           beta=0.01)
+    varies = (
+        mle - baseline(LinearFeatures(table).transform(inputs)) if kind.theory else mle
+    )  # what the model has to learn
+    difficulty = DifficultyEstimator().fit(
+        X=inputs[used] / scale,
+        y=varies[used],
+        k=min(_NEIGHBOURS, len(used)),
+        scaler=False,
+        beta=0.01,
+    )
     probability = classifier.predict_proba(inputs[held])
     predicted = probability.argmax(axis=1)
     enough = np.bincount(predicted, minlength=len(REGIMES)).min() >= MIN_CALIBRATION
-    bins = np.arange(len(REGIMES)) if enough else np.zeros(len(REGIMES), int)  # too few of one regime: all share one width
-    conformal = ConformalRegressor().fit(mle[held] - surrogate.predict(*inputs[held].T), bins=bins[predicted],
-                                         sigmas=difficulty.apply(inputs[held] / scale))
+    bins = (
+        np.arange(len(REGIMES)) if enough else np.zeros(len(REGIMES), int)
+    )  # too few of one regime: all share one width
+    conformal = ConformalRegressor().fit(
+        mle[held] - surrogate.predict(*inputs[held].T),
+        bins=bins[predicted],
+        sigmas=difficulty.apply(inputs[held] / scale),
+    )
     unstable = IsotonicRegression(y_min=0.0, y_max=1.0, out_of_bounds="clip")
     unstable.fit(1.0 - probability[:, REGIMES.index("periodic")], regime[held] != "periodic")
     return Uncertainty(surrogate, classifier, count, difficulty, conformal, bins, unstable, scale)
@@ -144,8 +187,13 @@ class Certainty:
     calibrated: Uncertainty
 
 
-def certainty(m: StabilityMap, kind: Model, divisor: int, seed: int = 0,
-              trained: tuple[Surrogate, RegimeTrees, RegimeTrees] | None = None) -> Certainty:
+def certainty(
+    m: StabilityMap,
+    kind: Model,
+    divisor: int,
+    seed: int = 0,
+    trained: tuple[Surrogate, RegimeTrees, RegimeTrees] | None = None,
+) -> Certainty:
     """What :func:`uncertain_map` asks, without predicting the whole map.
 
     Parameters
@@ -153,7 +201,8 @@ def certainty(m: StabilityMap, kind: Model, divisor: int, seed: int = 0,
     m, kind, divisor, seed
         As there.
     trained : Surrogate, RegimeTrees and RegimeTrees
-        Trained before: the first two on three quarters of the training cells, the last on all; left out: trained now.
+        Trained before: the first two on three quarters of the training cells, the last on all; left
+        out: trained now.
 
     Raises
     ------
@@ -164,8 +213,12 @@ def certainty(m: StabilityMap, kind: Model, divisor: int, seed: int = 0,
     index, inputs, mle = solved_cells(m)
     chosen = training_mask(len(mle), divisor, seed)
     regime, table = m.regime.ravel()[index][chosen], linear_table_of(m)
-    calibrated = calibrate(kind, inputs[chosen], mle[chosen], regime, seed, table, trained[:2] if trained else None)
-    return Certainty(trained[2] if trained else RegimeTrees(table, seed).fit(inputs[chosen], regime), calibrated)
+    calibrated = calibrate(
+        kind, inputs[chosen], mle[chosen], regime, seed, table, trained[:2] if trained else None
+    )
+    return Certainty(
+        trained[2] if trained else RegimeTrees(table, seed).fit(inputs[chosen], regime), calibrated
+    )
 
 
 @dataclass(frozen=True)
@@ -211,9 +264,17 @@ class MapUncertainty(MapIntervals):
 STEPS = 3  # of uncertain_map
 
 
-def uncertain_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0, split: str = "random",
-                  progress: Callable[[int], None] = lambda steps: None, known: Certainty | None = None) -> MapUncertainty:
-    """Regimes, intervals and probabilities of a map from the training cells of ``surrogates.predict_map``.
+def uncertain_map(
+    m: StabilityMap,
+    kind: Model,
+    divisor: int,
+    seed: int = 0,
+    split: str = "random",
+    progress: Callable[[int], None] = lambda steps: None,
+    known: Certainty | None = None,
+) -> MapUncertainty:
+    """Regimes, intervals and probabilities of a map from the training cells of
+    ``surrogates.predict_map``.
 
     Parameters
     ----------
@@ -237,8 +298,18 @@ def uncertain_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0, spl
     index, inputs, mle = solved_cells(m)
     chosen = regimes.trained.ravel()[index]
     began = time.perf_counter()
-    found = known.calibrated if known else calibrate(kind, inputs[chosen], mle[chosen], m.regime.ravel()[index][chosen], seed,
-                                                     linear_table_of(m))
+    found = (
+        known.calibrated
+        if known
+        else calibrate(
+            kind,
+            inputs[chosen],
+            mle[chosen],
+            m.regime.ravel()[index][chosen],
+            seed,
+            linear_table_of(m),
+        )
+    )
     seconds = regimes.train_seconds + time.perf_counter() - began
     progress(1)
     values = np.full((3, m.mle.size), np.nan)
@@ -246,10 +317,18 @@ def uncertain_map(m: StabilityMap, kind: Model, divisor: int, seed: int = 0, spl
     values[2, index] = found.unstable(*inputs.T)
     low, high, unstable = values.reshape(3, *m.shape)
     progress(1)
-    return MapUncertainty(low, high, unstable, regimes.regime, regimes.held_out, seconds, regimes, found)
+    return MapUncertainty(
+        low, high, unstable, regimes.regime, regimes.held_out, seconds, regimes, found
+    )
 
 
-_ARRAYS: dict[str, Any] = {"low": np.float32, "high": np.float32, "unstable": np.float32, "regime": "<U14", "held_out": bool}
+_ARRAYS: dict[str, Any] = {
+    "low": np.float32,
+    "high": np.float32,
+    "unstable": np.float32,
+    "regime": "<U14",
+    "held_out": bool,
+}
 
 
 def save_intervals(found: MapIntervals, path: str | Path) -> None:
@@ -275,7 +354,9 @@ def load_intervals(path: str | Path, m: StabilityMap) -> MapIntervals:
     return MapIntervals(**arrays, seconds=seconds)
 
 
-def reliability(unstable: np.ndarray, probability: np.ndarray, bins: int = 10) -> tuple[pd.DataFrame, float]:
+def reliability(
+    unstable: np.ndarray, probability: np.ndarray, bins: int = 10
+) -> tuple[pd.DataFrame, float]:
     """How often points are unstable that are said to be so with a given probability.
 
     Parameters
@@ -288,8 +369,8 @@ def reliability(unstable: np.ndarray, probability: np.ndarray, bins: int = 10) -
     Returns
     -------
     DataFrame
-        A row for each bin that is not empty: ``low``, ``high``, ``cells``, ``predicted`` (mean probability) and ``observed``
-        (share of unstable points).
+        A row for each bin that is not empty: ``low``, ``high``, ``cells``, ``predicted`` (mean
+        probability) and ``observed`` (share of unstable points).
     float
         Expected calibration error: mean over the cells of the difference of the two.
     """
@@ -298,8 +379,18 @@ def reliability(unstable: np.ndarray, probability: np.ndarray, bins: int = 10) -
     for k in range(bins):
         chosen = which == k
         if chosen.any():
-            rows.append({"low": k / bins, "high": (k + 1) / bins, "cells": int(chosen.sum()),
-                         "predicted": float(probability[chosen].mean()), "observed": float(unstable[chosen].mean())})
+            rows.append(
+                {
+                    "low": k / bins,
+                    "high": (k + 1) / bins,
+                    "cells": int(chosen.sum()),
+                    "predicted": float(probability[chosen].mean()),
+                    "observed": float(unstable[chosen].mean()),
+                }
+            )
     found = pd.DataFrame(rows, columns=["low", "high", "cells", "predicted", "observed"])
-    error = float((found["cells"] * (found["predicted"] - found["observed"]).abs()).sum() / max(found["cells"].sum(), 1))
+    error = float(
+        (found["cells"] * (found["predicted"] - found["observed"]).abs()).sum()
+        / max(found["cells"].sum(), 1)
+    )
     return found, error

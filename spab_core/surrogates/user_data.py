@@ -1,4 +1,6 @@
-"""Exponents from elsewhere, measured or computed by others: read from CSV, to train and rank the surrogates on."""
+"""Exponents from elsewhere, measured or computed by others: read from CSV, to train and rank the
+surrogates on.
+"""
 
 from __future__ import annotations
 
@@ -26,11 +28,22 @@ LARGEST = 1e3  # per revolution: beyond it, a column is not an exponent
 SEEDS = (0, 1, 2)
 COLUMNS = {  # as this dashboard writes them, and what else people call them
     "bearing_number": ("bearing_number", "bearing number", "lambda", "λ", "Λ"),
-    "rotor_mass": ("rotor_mass_kg", "rotor_mass", "rotor mass", "rotor mass, kg", "m_r", "mass", "mass_kg"),
+    "rotor_mass": (
+        "rotor_mass_kg",
+        "rotor_mass",
+        "rotor mass",
+        "rotor mass, kg",
+        "m_r",
+        "mass",
+        "mass_kg",
+    ),
     "mle": ("mle", "mle_per_revolution", "lyapunov", "exponent"),
 }
-_RANGES = {"bearing_number": (*BEARING_NUMBER_RANGE, ""), "rotor_mass": (*ROTOR_MASS_RANGE, " kg"),
-           "mle": (-LARGEST, LARGEST, " per revolution")}
+_RANGES = {
+    "bearing_number": (*BEARING_NUMBER_RANGE, ""),
+    "rotor_mass": (*ROTOR_MASS_RANGE, " kg"),
+    "mle": (-LARGEST, LARGEST, " per revolution"),
+}
 
 
 @dataclass(frozen=True)
@@ -53,13 +66,14 @@ class Samples:
 
 
 def read_samples(data: bytes) -> Samples:
-    """Read a CSV file with the columns bearing number, rotor mass in kg and exponent per revolution, in any order.
+    """Read a CSV file with the columns bearing number, rotor mass in kg and exponent per
+    revolution, in any order.
 
     Parameters
     ----------
     data : bytes
-        UTF-8 text, a line of names first; names as in :data:`COLUMNS`, in upper or lower case. Other columns are left alone,
-        rows with an empty exponent left out.
+        UTF-8 text, a line of names first; names as in :data:`COLUMNS`, in upper or lower case.
+        Other columns are left alone, rows with an empty exponent left out.
 
     Returns
     -------
@@ -68,12 +82,19 @@ def read_samples(data: bytes) -> Samples:
     Raises
     ------
     InputError
-        For a file too large, that is no such table, or holds a value out of range; the message names column and row.
+        For a file too large, that is no such table, or holds a value out of range; the message
+        names column and row.
     """
     if len(data) > MAX_BYTES:
         raise InputError(f"the file has {len(data):,} bytes: allowed are at most {MAX_BYTES:,}")
     try:
-        table = pd.read_csv(io.BytesIO(data), dtype=str, encoding="utf-8-sig", nrows=MAX_ROWS + 1, skipinitialspace=True)
+        table = pd.read_csv(
+            io.BytesIO(data),
+            dtype=str,
+            encoding="utf-8-sig",
+            nrows=MAX_ROWS + 1,
+            skipinitialspace=True,
+        )
     except (ValueError, UnicodeError, pd.errors.ParserError, MemoryError) as error:
         raise InputError(f"not a CSV table: {' '.join(str(error).split())[:200]}") from None
     if not isinstance(table.index, pd.RangeIndex):
@@ -86,36 +107,55 @@ def read_samples(data: bytes) -> Samples:
         found = [known[o.lower()] for o in others if o.lower() in known]
         if not found:
             seen = ", ".join(str(c)[:30] for c in table.columns[:8])
-            raise InputError(f"the table has no column {name!r} (or {', '.join(others[1:])}); its columns are {seen}")
+            raise InputError(
+                f"the table has no column {name!r} (or {', '.join(others[1:])}); its columns are "
+                f"{seen}"
+            )
         columns[name] = _numbers(table[found[0]], name, empty_allowed=name == "mle")
     mle = columns["mle"]
     kept = np.isfinite(mle)
     if kept.sum() < MIN_ROWS:
-        raise InputError(f"the table has {int(kept.sum())} rows with an exponent: at least {MIN_ROWS} are needed")
+        raise InputError(
+            f"the table has {int(kept.sum())} rows with an exponent: at least {MIN_ROWS} are needed"
+        )
     inputs = np.column_stack([columns["bearing_number"], columns["rotor_mass"]])[kept]
     _, first = np.unique(inputs, axis=0, return_index=True)
     if len(first) < len(inputs):
         row = int(np.setdiff1d(np.arange(len(inputs)), first)[0])
-        raise InputError(f"the point bearing number {inputs[row, 0]:g}, rotor mass {inputs[row, 1]:g} kg stands twice in "
-                         "the table")
+        raise InputError(
+            f"the point bearing number {inputs[row, 0]:g}, rotor mass {inputs[row, 1]:g} kg "
+            "stands twice in "
+            "the table"
+        )
     if not np.ptp(inputs, axis=0).all():
-        raise InputError("all points have one bearing number or one rotor mass: surrogates need a plane")
+        raise InputError(
+            "all points have one bearing number or one rotor mass: surrogates need a plane"
+        )
     return Samples(inputs, mle[kept], int((~kept).sum()))
 
 
 def samples_bytes(samples: Samples) -> bytes:
     """Samples as the bytes of an NPZ file."""
-    return npz_bytes({"inputs": samples.inputs, "mle": samples.mle, "left_out": np.array(samples.left_out)})
+    return npz_bytes(
+        {"inputs": samples.inputs, "mle": samples.mle, "left_out": np.array(samples.left_out)}
+    )
 
 
 def load_samples(path: Path) -> Samples:
-    """What :func:`samples_bytes` gave, from a file; nothing in it is unpickled. Raises ``InputError`` for any other file."""
+    """What :func:`samples_bytes` gave, from a file; nothing in it is unpickled.
+
+    Raises ``InputError`` for any other file.
+    """
     try:
         with open_npz(path) as data:
             found = Samples(data["inputs"], data["mle"], int(data["left_out"]))
     except UNREADABLE as error:
         raise InputError(f"cannot read the samples {str(path)!r}: {error}") from None
-    if found.mle.dtype.kind != "f" or found.inputs.shape != (len(found.mle), 2) or not np.isfinite(found.mle).all():
+    if (
+        found.mle.dtype.kind != "f"
+        or found.inputs.shape != (len(found.mle), 2)
+        or not np.isfinite(found.mle).all()
+    ):
         raise InputError(f"{path} holds no samples: its arrays do not fit together")
     return found
 
@@ -128,13 +168,22 @@ def _numbers(column: pd.Series, name: str, empty_allowed: bool) -> np.ndarray:
     if wrong.any():
         row = int(wrong.argmax())
         said = "nothing" if empty[row] else repr(str(column.iloc[row])[:40])
-        raise InputError(f"{name} in line {row + 2} is {said}: allowed is a number from {low:g} to {high:g}{unit}")
+        raise InputError(
+            f"{name} in line {row + 2} is {said}: allowed is a number from {low:g} to "
+            f"{high:g}{unit}"
+        )
     return values
 
 
-def rank_samples(samples: Samples, design: Design, models: Iterable[Model] = tuple(MODELS.values()),
-                 divisors: Sequence[int] = DIVISORS, seeds: Sequence[int] = SEEDS, *,
-                 progress: Callable[[int], None] | None = None) -> pd.DataFrame:
+def rank_samples(
+    samples: Samples,
+    design: Design,
+    models: Iterable[Model] = tuple(MODELS.values()),
+    divisors: Sequence[int] = DIVISORS,
+    seeds: Sequence[int] = SEEDS,
+    *,
+    progress: Callable[[int], None] | None = None,
+) -> pd.DataFrame:
     """Scores of models x training fractions x draws on the samples, by the paper's protocol.
 
     Parameters
@@ -156,7 +205,11 @@ def rank_samples(samples: Samples, design: Design, models: Iterable[Model] = tup
     count = len(samples.mle)
     (low, high) = samples.inputs.min(axis=0), samples.inputs.max(axis=0)
     kinds = list(models)
-    table = table_for(design, ((low[0], high[0]), (low[1], high[1]))) if any(kind.theory for kind in kinds) else None
+    table = (
+        table_for(design, ((low[0], high[0]), (low[1], high[1])))
+        if any(kind.theory for kind in kinds)
+        else None
+    )
     for kind in kinds:
         for divisor in divisors:
             for seed in seeds:
@@ -173,8 +226,17 @@ def _row(samples, kind, divisor, seed, table):
     began = time.perf_counter()
     predicted = surrogate.predict(*samples.inputs.T)
     seconds = time.perf_counter() - began
-    found = {f"{name}_{where}": function(samples.mle[mask], predicted[mask])
-             for name, function in (("rmse", rmse), ("mae", mae))
-             for where, mask in (("all", np.ones_like(chosen)), ("held_out", ~chosen))}
-    return {"model": kind.name, "divisor": divisor, "seed": seed, **found, "train_seconds": surrogate.seconds,
-            "predict_seconds": seconds, "converged": surrogate.converged}
+    found = {
+        f"{name}_{where}": function(samples.mle[mask], predicted[mask])
+        for name, function in (("rmse", rmse), ("mae", mae))
+        for where, mask in (("all", np.ones_like(chosen)), ("held_out", ~chosen))
+    }
+    return {
+        "model": kind.name,
+        "divisor": divisor,
+        "seed": seed,
+        **found,
+        "train_seconds": surrogate.seconds,
+        "predict_seconds": seconds,
+        "converged": surrogate.converged,
+    }

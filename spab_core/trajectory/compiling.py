@@ -1,8 +1,9 @@
-"""Compile the kernels before they are wanted, in a process of its own; one process of a user's compiles at a time.
+"""Compile the kernels before they are wanted, in a process of its own; one process of a user's
+compiles at a time.
 
-numba takes some twenty seconds for them and holds the interpreter for half a second at a time meanwhile: no work for a server.
-Its cache on disk (:mod:`spab_core.solver.cache`) hands the kernels from process to process; to load them takes under a second.
-"""
+numba takes some twenty seconds for them and holds the interpreter for half a second at a time
+meanwhile: no work for a server. Its cache on disk (:mod:`spab_core.solver.cache`) hands the kernels
+from process to process; to load them takes under a second."""
 
 from __future__ import annotations
 
@@ -35,16 +36,28 @@ _PATIENCE = 600.0  # seconds; a process that compiles for longer has hung
 
 
 def is_compiled(mesh: Mesh = DEFAULT_MESH, method: str = METHODS[0]) -> bool:
-    """Whether this process can solve operating points without compiling, its kernels loaded or kept for this processor."""
+    """Whether this process can solve operating points without compiling, its kernels loaded or kept
+    for this processor.
+    """
     film, rotor = _system(mesh)
-    return is_kept(advance, (film, rotor), build_memory(film, method), Options(), 0, 1, build_record(1, 0))
+    return is_kept(
+        advance, (film, rotor), build_memory(film, method), Options(), 0, 1, build_record(1, 0)
+    )
 
 
 def is_linear_compiled() -> bool:
     """The same for what linear theory needs on the usual mesh, which is compiled first."""
     film, rotor = _system(DEFAULT_MESH)
     columns, state = unknown_places(film, False), build_memory(film).state
-    return is_kept(fill_jacobian, (film, rotor), state, columns, build_work(film), state.copy(), np.empty((1, len(state))))
+    return is_kept(
+        fill_jacobian,
+        (film, rotor),
+        state,
+        columns,
+        build_work(film),
+        state.copy(),
+        np.empty((1, len(state))),
+    )
 
 
 def _system(mesh: Mesh) -> tuple[Film, RotorCoefficients]:
@@ -54,7 +67,9 @@ def _system(mesh: Mesh) -> tuple[Film, RotorCoefficients]:
 
 @contextlib.contextmanager
 def _turn() -> Iterator[None]:
-    """Wait for another process that compiles into the same folder; without a word go on where nothing can be locked."""
+    """Wait for another process that compiles into the same folder; without a word go on where
+    nothing can be locked.
+    """
     lock = filelock.FileLock(Path(numba.config.CACHE_DIR) / _LOCK, timeout=_PATIENCE)
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError, NotImplementedError, filelock.Timeout):
@@ -68,7 +83,9 @@ def compile_once() -> None:
         return
     with _turn():
         if not is_linear_compiled():
-            derive(reference_design(), 4.0, 3.0)  # first: pages with linear theory alone need not wait for the rest
+            derive(
+                reference_design(), 4.0, 3.0
+            )  # first: pages with linear theory alone need not wait for the rest
         if not is_compiled():
             solve_point(reference_design(), 4.0, 3.0, Settings(transient=0, revolutions=20))
 
@@ -80,12 +97,17 @@ class _Background:
         self.began, self.failure, self.ended = time.monotonic(), "", threading.Event()
         package = str(Path(__file__).resolve().parent.parent)
         path = os.pathsep.join([package, *filter(None, [os.environ.get("PYTHONPATH")])])
-        place = str(Path(numba.config.CACHE_DIR).parent)  # where it finds the folder that this process has chosen
+        place = str(
+            Path(numba.config.CACHE_DIR).parent
+        )  # where it finds the folder that this process has chosen
         try:
             self.process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "spab_core.trajectory.compiling", str(os.getpid())], stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-                env=os.environ | {"PYTHONPATH": path, "NUMBA_CACHE_DIR": place})
+                [sys.executable, "-P", "-m", "spab_core.trajectory.compiling", str(os.getpid())],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                env=os.environ | {"PYTHONPATH": path, "NUMBA_CACHE_DIR": place},
+            )
         except OSError as error:
             self._end(f"no process could be started: {error.strerror or error}")
         else:
@@ -108,7 +130,9 @@ _decided, _mutex = False, threading.Lock()
 
 
 def start() -> None:
-    """Have another process compile the kernels unless they are there; returns at once, and does nothing when called again."""
+    """Have another process compile the kernels unless they are there; returns at once, and does
+    nothing when called again.
+    """
     global _background, _decided
     with _mutex:
         if not _decided:
@@ -124,7 +148,9 @@ def seconds_so_far() -> float | None:
 
 
 def failure() -> str:
-    """Why the process of :func:`start` has left no kernels, as a clause; "" where it has, or is at work, or was not needed."""
+    """Why the process of :func:`start` has left no kernels, as a clause; "" where it has, or is at
+    work, or was not needed.
+    """
     found = _background
     return found.failure if found is not None and found.ended.is_set() else ""
 

@@ -1,13 +1,20 @@
-"""How long a point takes, told before it is solved: fits to runs on one core (docs/numerics.md, benchmarks/live.py)."""
+"""How long a point takes, told before it is solved: fits to runs on one core (docs/numerics.md,
+benchmarks/live.py).
+"""
 
 from __future__ import annotations
 
 from spab_core.solver.simd import HALF, WIDTH
 from spab_core.trajectory.settings import Settings
 
-# seconds a column, of a revolution and of a step, for up to 4, 8 and 16 latitudes: the width of a compiled row
+# seconds a column, of a revolution and of a step, for up to 4, 8 and 16 latitudes: the width of a
+# compiled row
 _COLUMN = {"rodas": (15e-6, 55e-6, 250e-6), "dtm": (0.55e-6, 1.7e-6, 6e-6)}
-_LIMIT, _LATITUDE, _AZIMUTH = 2.5, 8.0, 0.057  # dtm's steps are limited by diffusion across and around
+_LIMIT, _LATITUDE, _AZIMUTH = (
+    2.5,
+    8.0,
+    0.057,
+)  # dtm's steps are limited by diffusion across and around
 
 
 def expected_seconds(settings: Settings, bearing_number: float) -> float:
@@ -20,7 +27,11 @@ def expected_seconds(settings: Settings, bearing_number: float) -> float:
         The explicit method's steps shrink with it.
     """
     m, n = settings.mesh
-    seconds = n * _COLUMN[settings.method][(m > HALF) + (m > WIDTH)] * (settings.transient + settings.revolutions)
+    seconds = (
+        n
+        * _COLUMN[settings.method][(m > HALF) + (m > WIDTH)]
+        * (settings.transient + settings.revolutions)
+    )
     if settings.method == "dtm":
         seconds *= (_LATITUDE * m**3.4 + _AZIMUTH * n**2) * (1.0 + _LIMIT / bearing_number)
     return seconds

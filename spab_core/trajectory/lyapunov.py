@@ -1,9 +1,8 @@
 """Maximum Lyapunov exponent from the growth of the tangent, per revolution, natural logarithm.
 
-The tangent-linear flow of the whole state, film and rotor, is integrated with the trajectory and renormalised at every
-step (:func:`spab_core.solver.stepping.advance`). For a forced rotor the phase is no state: a periodic orbit has a negative
-exponent, a torus zero, chaos a positive one.
-"""
+The tangent-linear flow of the whole state, film and rotor, is integrated with the trajectory and
+renormalised at every step (:func:`spab_core.solver.stepping.advance`). For a forced rotor the phase
+is no state: a periodic orbit has a negative exponent, a torus zero, chaos a positive one."""
 
 from __future__ import annotations
 
@@ -25,7 +24,8 @@ class Exponent:
     Attributes
     ----------
     value : float
-        Per revolution, natural log; divide by 2 pi for per unit tau, multiply by omega / 2 pi for per second.
+        Per revolution, natural log; divide by 2 pi for per unit tau, multiply by omega / 2 pi for
+        per second.
     standard_error : float
         Of the mean, by batch means.
     trace : ndarray, (revolutions,)
@@ -40,11 +40,16 @@ class Exponent:
     def late(self) -> float:
         """Mean growth in the second half of the measurement."""
         n, half = len(self.trace), len(self.trace) // 2
-        return float((n * self.trace[-1] - half * self.trace[half - 1]) / (n - half)) if half else self.value
+        return (
+            float((n * self.trace[-1] - half * self.trace[half - 1]) / (n - half))
+            if half
+            else self.value
+        )
 
 
 def exponent(growth: np.ndarray, settled: Settled | None = None) -> Exponent | None:
-    """Mean growth with its standard error, or the leading Floquet multiplier's where the run settled on a periodic orbit.
+    """Mean growth with its standard error, or the leading Floquet multiplier's where the run
+    settled on a periodic orbit.
 
     Parameters
     ----------
@@ -60,9 +65,9 @@ def exponent(growth: np.ndarray, settled: Settled | None = None) -> Exponent | N
 
     Notes
     -----
-    The error is that of the means of about :data:`BATCHES` consecutive batches, which keeps its meaning where successive
-    revolutions are correlated (Law and Kelton, Simulation Modeling and Analysis, section 9.5.3).
-    """
+    The error is that of the means of about :data:`BATCHES` consecutive batches, which keeps its
+    meaning where successive revolutions are correlated (Law and Kelton, Simulation Modeling and
+    Analysis, section 9.5.3)."""
     n = len(growth)
     if n < 2 or not np.all(np.isfinite(growth)):
         return None
@@ -73,5 +78,5 @@ def exponent(growth: np.ndarray, settled: Settled | None = None) -> Exponent | N
     if n >= 5 * _CYCLE:
         size = max(size - size % _CYCLE, _CYCLE)
     batches = n // size
-    means = growth[n - batches * size:].reshape(batches, size).mean(axis=1)
+    means = growth[n - batches * size :].reshape(batches, size).mean(axis=1)
     return Exponent(float(trace[-1]), float(means.std(ddof=1) / math.sqrt(batches)), trace)

@@ -1,14 +1,16 @@
-"""When a run has settled on a periodic orbit: its leading Floquet multiplier, which is its exponent for all time.
+"""When a run has settled on a periodic orbit: its leading Floquet multiplier, which is its exponent
+for all time.
 
-Near a periodic orbit of n revolutions the tangents a period apart obey v[k + 1] = A v[k] with one and the same monodromy A.
-After some revolutions few modes are left, and consecutive tangents satisfy a linear recurrence whose roots are the leading
-multipliers (Krylov, 1931: the same idea as Arnoldi's method and dynamic mode decomposition). An orbit that repeats and whose
-multipliers lie inside the unit circle attracts: running on cannot change the answer, so the run may stop. One with a
-multiplier outside is unstable: no rotor stays there, and a run that came close is pushed off (:func:`push`).
+Near a periodic orbit of n revolutions the tangents a period apart obey v[k + 1] = A v[k] with one
+and the same monodromy A. After some revolutions few modes are left, and consecutive tangents
+satisfy a linear recurrence whose roots are the leading multipliers (Krylov, 1931: the same idea as
+Arnoldi's method and dynamic mode decomposition). An orbit that repeats and whose multipliers lie
+inside the unit circle attracts: running on cannot change the answer, so the run may stop. One with
+a multiplier outside is unstable: no rotor stays there, and a run that came close is pushed off
+(:func:`push`).
 
-Vibrations far faster than the rotation (:func:`swift_mode`) are damped by long implicit steps; their rates are those of the
-linearised system as it stands, which such a vibration outruns.
-"""
+Vibrations far faster than the rotation (:func:`swift_mode`) are damped by long implicit steps;
+their rates are those of the linearised system as it stands, which such a vibration outruns."""
 
 from __future__ import annotations
 
@@ -32,7 +34,6 @@ SWIFT = 10.0  # over the shaft speed: frequency from which on steps need not fol
 MEMORY = MAX_PERIOD * (_FITS + 1)  # tangents worth keeping
 
 
-
 @dataclass(frozen=True)
 class Settled:
     """A periodic orbit that a run has reached: an attractor if ``rate`` is negative, else unstable.
@@ -42,7 +43,8 @@ class Settled:
     period : int
         Revolutions after which the orbit repeats.
     rate : float
-        Natural log of the leading multiplier's magnitude, per revolution: the maximum Lyapunov exponent.
+        Natural log of the leading multiplier's magnitude, per revolution: the maximum Lyapunov
+        exponent.
     error : float
         Change of ``rate`` since the check before.
     """
@@ -58,7 +60,8 @@ def window(period: int) -> int:
 
 
 def repeat_distances(section: np.ndarray, period: int) -> np.ndarray:
-    """Distance, over C, of each section point from its image ``period`` revolutions later, shape (revolutions - period,).
+    """Distance, over C, of each section point from its image ``period`` revolutions later, shape
+    (revolutions - period,).
 
     The largest difference of the first four columns, the positions of journal and disc.
     """
@@ -67,7 +70,8 @@ def repeat_distances(section: np.ndarray, period: int) -> np.ndarray:
 
 
 def mismatch(section: np.ndarray, period: int) -> float:
-    """Largest distance, over C, between section points ``period`` revolutions apart, in the last :func:`window` points.
+    """Largest distance, over C, between section points ``period`` revolutions apart, in the last
+    :func:`window` points.
 
     Parameters
     ----------
@@ -83,12 +87,14 @@ def mismatch(section: np.ndarray, period: int) -> float:
     count = window(period)
     if len(section) < count + period:
         return math.inf
-    return float(repeat_distances(section[len(section) - count - period:], period).max())
+    return float(repeat_distances(section[len(section) - count - period :], period).max())
 
 
 def possible_periods(section: np.ndarray, limit: float) -> list[int]:
-    """Periods whose last section point repeats within ``limit``, over C: the only ones whose :func:`mismatch` can."""
-    before = section[-1 - MAX_PERIOD:-1, :4]
+    """Periods whose last section point repeats within ``limit``, over C: the only ones whose
+    :func:`mismatch` can.
+    """
+    before = section[-1 - MAX_PERIOD : -1, :4]
     distance = np.abs(before - section[-1, :4]).max(axis=1)
     return [int(period) for period in np.flatnonzero(distance[::-1] <= limit) + 1]
 
@@ -122,11 +128,12 @@ def leading_rate(tangent: np.ndarray, growth: np.ndarray, period: int) -> float 
         at = len(tangent) - 1 - period * np.arange(count)[::-1]
         rows, right = [], []
         for k in range(_FITS):
-            chosen = at[k:k + order + 1]
+            chosen = at[k : k + order + 1]
             sizes = np.exp(np.clip(log_size[chosen] - log_size[chosen[-1]], -300.0, 300.0))
             rows.append((tangent[chosen[:-1]] * sizes[:-1, None]).T)
             right.append(tangent[chosen[-1]])
-        # normal equations by einsum: the same bits whatever number of threads the linear algebra library takes
+        # normal equations by einsum: the same bits whatever number of threads the linear algebra
+        # library takes
         a, b = np.concatenate(rows), np.concatenate(right)
         scale = np.sqrt(np.einsum("ik,ik->k", a, a))
         if not (np.isfinite(scale).all() and scale.all()):
@@ -145,13 +152,15 @@ def leading_rate(tangent: np.ndarray, growth: np.ndarray, period: int) -> float 
     return None
 
 
-def find_settled(section: np.ndarray, tangent: np.ndarray, growth: np.ndarray,
-                 rates: dict[int, float]) -> Settled | None:
+def find_settled(
+    section: np.ndarray, tangent: np.ndarray, growth: np.ndarray, rates: dict[int, float]
+) -> Settled | None:
     """The periodic orbit that a run has reached, if it has.
 
-    The smallest period whose section mismatch, divided by one less the leading multiplier, the distance to the limit, is under
-    :data:`DISTANCE`, with a negative rate that has not changed by more than 1 % and 0.001 since the check before; or one as
-    close with a rate over :data:`UNSTABLE`.
+    The smallest period whose section mismatch, divided by one less the leading multiplier, the
+    distance to the limit, is under :data:`DISTANCE`, with a negative rate that has not changed by
+    more than 1 % and 0.001 since the check before; or one as close with a rate over
+    :data:`UNSTABLE`.
 
     Parameters
     ----------
@@ -174,7 +183,11 @@ def find_settled(section: np.ndarray, tangent: np.ndarray, growth: np.ndarray,
         if rate is None:
             continue
         rates[period] = rate
-        if period not in before or (rate < 0.0 and gap > -math.expm1(period * rate) * DISTANCE) or 0.0 <= rate < UNSTABLE:
+        if (
+            period not in before
+            or (rate < 0.0 and gap > -math.expm1(period * rate) * DISTANCE)
+            or 0.0 <= rate < UNSTABLE
+        ):
             continue
         change = abs(rate - before[period])
         if change < 0.001 + 0.01 * abs(rate):
@@ -183,14 +196,20 @@ def find_settled(section: np.ndarray, tangent: np.ndarray, growth: np.ndarray,
 
 
 def repeating_period(section: np.ndarray) -> int | None:
-    """The smallest period after which the section repeats within :data:`DISTANCE`; None where it does not."""
-    return next((p for p in possible_periods(section, DISTANCE) if mismatch(section, p) <= DISTANCE), None)
+    """The smallest period after which the section repeats within :data:`DISTANCE`; None where it
+    does not.
+    """
+    return next(
+        (p for p in possible_periods(section, DISTANCE) if mismatch(section, p) <= DISTANCE), None
+    )
 
 
 def strong_rate(tangent: np.ndarray, growth: np.ndarray, period: int) -> Settled:
-    """The rate of a strongly damped orbit, from tangents on fine steps of which the first half aligns.
+    """The rate of a strongly damped orbit, from tangents on fine steps of which the first half
+    aligns.
 
-    The leading multiplier where successive tangents obey a recurrence, else the mean growth in the second half.
+    The leading multiplier where successive tangents obey a recurrence, else the mean growth in the
+    second half.
 
     Parameters
     ----------
@@ -198,16 +217,22 @@ def strong_rate(tangent: np.ndarray, growth: np.ndarray, period: int) -> Settled
     growth : ndarray, (revolutions,)
     period : int
     """
-    mean = float(growth[len(growth) // 2:].mean())
-    rate, before = leading_rate(tangent, growth, period), leading_rate(tangent[:-1], growth[:-1], period)
+    mean = float(growth[len(growth) // 2 :].mean())
+    rate, before = (
+        leading_rate(tangent, growth, period),
+        leading_rate(tangent[:-1], growth[:-1], period),
+    )
     if rate is None or before is None or abs(rate - mean) > 0.1 * abs(mean):
-        return Settled(period, mean, float(growth[len(growth) // 2:].std(ddof=1) / math.sqrt(len(growth) / 2)))
+        return Settled(
+            period, mean, float(growth[len(growth) // 2 :].std(ddof=1) / math.sqrt(len(growth) / 2))
+        )
     return Settled(period, rate, abs(rate - before))
 
 
 @one_thread
 def swift_mode(jacobian: np.ndarray) -> complex | None:
-    """The least damped eigenvalue, per unit tau, of those more than :data:`SWIFT` times as fast as the shaft turns.
+    """The least damped eigenvalue, per unit tau, of those more than :data:`SWIFT` times as fast as
+    the shaft turns.
 
     It vibrates, or falls to the wall where a suction draws the journal.
 
@@ -229,7 +254,8 @@ def swift_mode(jacobian: np.ndarray) -> complex | None:
 def push(state: np.ndarray, tangent: np.ndarray) -> None:
     """Displace a state along the direction in which it leaves an unstable orbit, in place.
 
-    By :data:`PUSH`, less where the journal is so close to the wall that this would take it more than half the way there.
+    By :data:`PUSH`, less where the journal is so close to the wall that this would take it more
+    than half the way there.
 
     Parameters
     ----------
@@ -238,5 +264,7 @@ def push(state: np.ndarray, tangent: np.ndarray) -> None:
     """
     gas, journal = state[:-8], tangent[-8:-6]
     room = 0.5 * (1.0 - np.hypot(*state[-8:-6]))
-    largest = max(np.abs(tangent[:-8][gas > 0.0] / gas[gas > 0.0]).max(), np.abs(tangent[-8:]).max())
+    largest = max(
+        np.abs(tangent[:-8][gas > 0.0] / gas[gas > 0.0]).max(), np.abs(tangent[-8:]).max()
+    )
     state += min(PUSH / largest, room / max(np.hypot(*journal), 1e-300)) * tangent

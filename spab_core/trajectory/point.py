@@ -53,6 +53,7 @@ class OperatingPoint:
 
     def record(self) -> dict:
         """The answer as plain values; the keys are those of ``spab simulate --json``."""
+
         def number(value):
             return value if value == value else None
 
@@ -78,12 +79,16 @@ class OperatingPoint:
         if self.regime is None or self.mle is None:
             return f"No exponent: {STATUS_TEXT[self.trajectory.status]}."
         if self.regime.name == "quasi-periodic" and abs(self.mle.value) > 0.01:
-            return (f"Undecided: the orbit does not repeat and its exponent, {self.mle.value:+.3f} ± "
-                    f"{self.mle.standard_error:.3f}, is not clearly zero; measure more revolutions.")
+            return (
+                f"Undecided: the orbit does not repeat and its exponent, {self.mle.value:+.3f} ± "
+                f"{self.mle.standard_error:.3f}, is not clearly zero; measure more revolutions."
+            )
         text = {
-            "periodic": "Periodic: the orbit repeats every revolution" if self.regime.period == 1 else
-                        f"Periodic: the orbit repeats every {self.regime.period} revolutions",
-            "quasi-periodic": "Quasi-periodic: the orbit does not repeat; a whirl of its own frequency rides on the rotation",
+            "periodic": "Periodic: the orbit repeats every revolution"
+            if self.regime.period == 1
+            else f"Periodic: the orbit repeats every {self.regime.period} revolutions",
+            "quasi-periodic": "Quasi-periodic: the orbit does not repeat; a whirl of its own "
+            "frequency rides on the rotation",
             "chaotic": "Chaotic: the orbit never repeats and its loads are not predictable",
         }[self.regime.name]
         if self.contact_share >= 0.0005:
@@ -91,9 +96,16 @@ class OperatingPoint:
         return text + "."
 
 
-def solve_point(design: Design, rotor_mass: float, bearing_number: float, settings: Settings | None = None, *,
-                path_revolutions: int = 0, start: np.ndarray | None = None,
-                progress: Progress | None = None) -> OperatingPoint:
+def solve_point(
+    design: Design,
+    rotor_mass: float,
+    bearing_number: float,
+    settings: Settings | None = None,
+    *,
+    path_revolutions: int = 0,
+    start: np.ndarray | None = None,
+    progress: Progress | None = None,
+) -> OperatingPoint:
     """Solve one operating point: trajectory, exponent, regime.
 
     Parameters are those of :func:`spab_core.trajectory.run.simulate`.
@@ -110,8 +122,17 @@ def solve_point(design: Design, rotor_mass: float, bearing_number: float, settin
     ('chaotic', 0.39)
     """
     settings = settings or Settings()
-    trajectory = simulate(design, rotor_mass, bearing_number, settings, path_revolutions=path_revolutions,
-                          start=start, progress=progress)
+    trajectory = simulate(
+        design,
+        rotor_mass,
+        bearing_number,
+        settings,
+        path_revolutions=path_revolutions,
+        start=start,
+        progress=progress,
+    )
     mle = exponent(trajectory.growth, trajectory.settled) if trajectory.status == "ok" else None
     regime = classify(trajectory.section, mle) if mle else None
-    return OperatingPoint(design, float(rotor_mass), float(bearing_number), settings, trajectory, mle, regime)
+    return OperatingPoint(
+        design, float(rotor_mass), float(bearing_number), settings, trajectory, mle, regime
+    )

@@ -18,10 +18,21 @@ def map_metadata(design: Design, settings: Settings, shape: tuple[int, ...]) -> 
     import scipy
 
     from spab_core._version import __version__
+
     return {
-        "design": design.to_dict(), **settings.to_dict(), "dimensions": ["bearing_number", "rotor_mass"],
-        "shape": list(shape), "mle_unit": "per revolution, natural logarithm", "rotor_mass_unit": "kg on one bearing",
-        "versions": {"spab": __version__, "python": platform.python_version(), "numpy": np.__version__,
-                     "numba": numba.__version__, "scipy": scipy.__version__},
-        "solver": solver_hash(), "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "design": design.to_dict(),
+        **settings.to_dict(),
+        "dimensions": ["bearing_number", "rotor_mass"],
+        "shape": list(shape),
+        "mle_unit": "per revolution, natural logarithm",
+        "rotor_mass_unit": "kg on one bearing",
+        "versions": {
+            "spab": __version__,
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+            "numba": numba.__version__,
+            "scipy": scipy.__version__,
+        },
+        "solver": solver_hash(),
+        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }

@@ -34,7 +34,8 @@ def section_period(section: np.ndarray, tolerance: float = SECTION_TOLERANCE) ->
     Parameters
     ----------
     section : ndarray, (revolutions, >= 2)
-        Rotor states at tau = 2 pi k; journal and disc positions (the first four columns) are compared.
+        Rotor states at tau = 2 pi k; journal and disc positions (the first four columns) are
+        compared.
     tolerance : float
         Largest distance between a point and its image, over C.
     """
@@ -46,12 +47,14 @@ def section_period(section: np.ndarray, tolerance: float = SECTION_TOLERANCE) ->
 
 
 def _settling_period(section: np.ndarray) -> int:
-    """Period of a section that still contracts towards its cycle: the smallest n whose mismatch halves over the run."""
+    """Period of a section that still contracts towards its cycle: the smallest n whose mismatch
+    halves over the run.
+    """
     for n in range(1, MAX_PERIOD + 1):
         if len(section) < 4 * n + 40:
             return 0
         mismatch = repeat_distances(section, n)
-        early, late = mismatch[: len(mismatch) // 4].max(), mismatch[-len(mismatch) // 4:].max()
+        early, late = mismatch[: len(mismatch) // 4].max(), mismatch[-len(mismatch) // 4 :].max()
         if late < 0.5 * early and late < 0.02:
             return n
     return 0
@@ -60,10 +63,10 @@ def _settling_period(section: np.ndarray) -> int:
 def classify(section: np.ndarray, mle: Exponent) -> Regime:
     """Regime of a completed run (docs/model.md).
 
-    Chaotic where the exponent exceeds 0.01 per revolution and three standard errors, in the second half of the measurement
-    too (on a torus the tangent grows like the time: its rate fades); periodic-n where the section
-    repeats after n <= 16 revolutions, or still contracts to such a cycle with a clearly negative exponent; else
-    quasi-periodic.
+    Chaotic where the exponent exceeds 0.01 per revolution and three standard errors, in the second
+    half of the measurement too (on a torus the tangent grows like the time: its rate fades);
+    periodic-n where the section repeats after n <= 16 revolutions, or still contracts to such a
+    cycle with a clearly negative exponent; else quasi-periodic.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """One revolution in full: film thickness, pressure and every force, and the run-up that led there.
 
-A trajectory keeps the rotor alone. From its final state one more revolution is integrated here, span by span, and the whole
-state is kept at the end of each span. The film is drawn from the same polynomials and the same sums that the solver uses.
-"""
+A trajectory keeps the rotor alone. From its final state one more revolution is integrated here,
+span by span, and the whole state is kept at the end of each span. The film is drawn from the same
+polynomials and the same sums that the solver uses."""
 
 from __future__ import annotations
 
@@ -15,9 +15,25 @@ from scipy.signal import resample
 
 from spab_core.common.errors import DesignError
 from spab_core.design.model import Design
-from spab_core.solver.film import Film, build_film, film_array, film_force, film_size, latitude_operators, thickness
+from spab_core.solver.film import (
+    Film,
+    build_film,
+    film_array,
+    film_force,
+    film_size,
+    latitude_operators,
+    thickness,
+)
 from spab_core.solver.rotor import ROTOR_STATES, build_rotor, contact_force
-from spab_core.solver.stepping import OK, REVOLUTION, STATUS, Options, advance, build_memory, build_record
+from spab_core.solver.stepping import (
+    OK,
+    REVOLUTION,
+    STATUS,
+    Options,
+    advance,
+    build_memory,
+    build_record,
+)
 from spab_core.trajectory.point import OperatingPoint
 from spab_core.trajectory.settings import Settings
 
@@ -76,7 +92,8 @@ def integrate_revolution(point: OperatingPoint, samples: int = 72) -> Revolution
     Parameters
     ----------
     point : OperatingPoint
-        Whatever its method, this revolution is integrated by ``rodas``: the semi-discrete equations are the same.
+        Whatever its method, this revolution is integrated by ``rodas``: the semi-discrete equations
+        are the same.
     samples : int
         Spans of the revolution.
 
@@ -88,28 +105,49 @@ def integrate_revolution(point: OperatingPoint, samples: int = 72) -> Revolution
     t = point.trajectory
     if t.status != "ok":
         raise DesignError("the run did not complete: there is no film to show")
-    film = build_film(point.design, point.bearing_number, point.settings.mesh, point.settings.scheme)
+    film = build_film(
+        point.design, point.bearing_number, point.settings.mesh, point.settings.scheme
+    )
     system = (film, build_rotor(point.design, point.rotor_mass, point.bearing_number))
     memory = build_memory(film)
     memory.state[:] = t.final
-    options = Options(tolerance=min(TOLERANCE, point.settings.tolerance), period=REVOLUTION / samples)
+    options = Options(
+        tolerance=min(TOLERANCE, point.settings.tolerance), period=REVOLUTION / samples
+    )
     kept, status = [memory.state.copy()], OK
     for k in range(samples):
-        status, _ = advance(system, memory, options, t.completed * samples + k, 1, build_record(1, 0))
+        status, _ = advance(
+            system, memory, options, t.completed * samples + k, 1, build_record(1, 0)
+        )
         if status != OK:
             break
         kept.append(memory.state.copy())
-    states = np.array([u[film_size(film):] for u in kept])
+    states = np.array([u[film_size(film) :] for u in kept])
     if point.design.rigid:  # the disc is the journal
         states[:, 2:4], states[:, 6:8] = states[:, 0:2], states[:, 4:6]
     tau = t.completed * REVOLUTION + np.arange(len(kept)) * (REVOLUTION / samples)
-    return Revolution(point.design, point.rotor_mass, point.bearing_number, STATUS[status], tau, states,
-                      np.array([film_array(film, u) for u in kept]), film)
+    return Revolution(
+        point.design,
+        point.rotor_mass,
+        point.bearing_number,
+        STATUS[status],
+        tau,
+        states,
+        np.array([film_array(film, u) for u in kept]),
+        film,
+    )
 
 
-def run_up(design: Design, rotor_mass: float, bearing_number: float, settings: Settings, revolutions: int = 60,
-           samples: int = 48) -> np.ndarray:
-    """Rotor states of the first revolutions from rest, shape (n, 8): the load is raised over the first 30.
+def run_up(
+    design: Design,
+    rotor_mass: float,
+    bearing_number: float,
+    settings: Settings,
+    revolutions: int = 60,
+    samples: int = 48,
+) -> np.ndarray:
+    """Rotor states of the first revolutions from rest, shape (n, 8): the load is raised over the
+    first 30.
 
     Parameters
     ----------
@@ -121,7 +159,9 @@ def run_up(design: Design, rotor_mass: float, bearing_number: float, settings: S
     film = build_film(design, bearing_number, settings.mesh, settings.scheme)
     system = (film, build_rotor(design, rotor_mass, bearing_number))
     record = build_record(revolutions, samples)
-    advance(system, build_memory(film), Options(tolerance=settings.tolerance), 0, revolutions, record)
+    advance(
+        system, build_memory(film), Options(tolerance=settings.tolerance), 0, revolutions, record
+    )
     path = record.path.reshape(-1, ROTOR_STATES)
     path = path[np.isfinite(path[:, 0])]
     if design.rigid:
@@ -135,9 +175,9 @@ def forces(revolution: Revolution) -> dict[str, np.ndarray]:
     Returns
     -------
     dict
-        ``film`` and ``contact`` on the journal, ``unbalance`` and ``gravity`` on the whole rotor: their sum is the rotor's
-        mass times its acceleration (docs/model.md). ``shaft``, on the journal, is internal and not of the sum; nan for a
-        rigid rotor.
+        ``film`` and ``contact`` on the journal, ``unbalance`` and ``gravity`` on the whole rotor:
+        their sum is the rotor's mass times its acceleration (docs/model.md). ``shaft``, on the
+        journal, is internal and not of the sum; nan for a rigid rotor.
     """
     r, d = revolution, revolution.design
     mass, load = d.mass_number(r.rotor_mass, r.bearing_number), d.load_number(r.rotor_mass)
@@ -147,10 +187,18 @@ def forces(revolution: Revolution) -> dict[str, np.ndarray]:
     q = r.states
     film = np.array([film_force(r.film, s, *x[:2]) for s, x in zip(r.gas, q, strict=True)])
     contact = np.array([contact_force(rotor, *x[[0, 1, 4, 5]]) for x in q])
-    shaft = np.full((len(q), 2), math.nan) if d.rigid else d.shaft_stiffness_number * (q[:, 2:4] - q[:, :2])
-    found = {"film": film, "contact": contact,
-             "unbalance": (ramp * eccentric)[:, None] * np.column_stack([np.cos(r.tau), np.sin(r.tau)]),
-             "gravity": np.column_stack([np.zeros_like(ramp), -ramp * load]), "shaft": shaft}
+    shaft = (
+        np.full((len(q), 2), math.nan)
+        if d.rigid
+        else d.shaft_stiffness_number * (q[:, 2:4] - q[:, :2])
+    )
+    found = {
+        "film": film,
+        "contact": contact,
+        "unbalance": (ramp * eccentric)[:, None] * np.column_stack([np.cos(r.tau), np.sin(r.tau)]),
+        "gravity": np.column_stack([np.zeros_like(ramp), -ramp * load]),
+        "shaft": shaft,
+    }
     return {name: d.force_unit * value for name, value in found.items()}
 
 
@@ -177,13 +225,17 @@ class Surface:
     pressure: np.ndarray
 
 
-def surface(revolution: Revolution, every: int = 3, azimuths: int = 72, latitudes: int = 11) -> Surface:
-    """The film on a finer, regular grid: the solver's own polynomials in latitude, the trigonometric one around.
+def surface(
+    revolution: Revolution, every: int = 3, azimuths: int = 72, latitudes: int = 11
+) -> Surface:
+    """The film on a finer, regular grid: the solver's own polynomials in latitude, the
+    trigonometric one around.
 
     Parameters
     ----------
     every : int
-        Take each so many-th sample of the revolution; its end is left out, it is the next one's beginning.
+        Take each so many-th sample of the revolution; its end is left out, it is the next one's
+        beginning.
     azimuths, latitudes : int
         Points around, and from edge to edge (odd: one on the equator).
     """
@@ -197,7 +249,7 @@ def surface(revolution: Revolution, every: int = 3, azimuths: int = 72, latitude
 
     across = bubbles(s) @ np.linalg.inv(bubbles(latitude_operators(m)[0]))  # of P² - 1
     picked = slice(0, max(len(r.tau) - 1, 1), every)
-    around = resample((r.pressure[picked])**2 - 1.0, azimuths, axis=1) @ across.T
+    around = resample((r.pressure[picked]) ** 2 - 1.0, azimuths, axis=1) @ across.T
     closed = np.concatenate([around, around[:, :1]], axis=1)
     azimuth = np.linspace(0.0, 2.0 * math.pi, azimuths + 1)
     x, y = r.states[picked, 0][:, None, None], r.states[picked, 1][:, None, None]

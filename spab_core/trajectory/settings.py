@@ -31,8 +31,9 @@ class Settings:
     scheme : str
         Film differences, ``fitted`` or ``plain`` (:func:`spab_core.solver.film.build_film`).
     early_stop : bool
-        Stop where the run has settled on a periodic orbit, and push it off an unstable one in the first half of the transient
-        (:mod:`spab_core.trajectory.periodic_orbit`); where it decays by more than :data:`STRONG`, measure that on finer steps.
+        Stop where the run has settled on a periodic orbit, and push it off an unstable one in the
+        first half of the transient (:mod:`spab_core.trajectory.periodic_orbit`); where it decays by
+        more than :data:`STRONG`, measure that on finer steps.
     """
 
     mesh: Mesh = DEFAULT_MESH
@@ -44,10 +45,17 @@ class Settings:
     early_stop: bool = True
 
     def __post_init__(self):
-        object.__setattr__(self, "mesh", parse_mesh(self.mesh if isinstance(self.mesh, str) else "x".join(map(str, self.mesh))))
+        object.__setattr__(
+            self,
+            "mesh",
+            parse_mesh(self.mesh if isinstance(self.mesh, str) else "x".join(map(str, self.mesh))),
+        )
         for name, allowed in (("method", METHODS), ("scheme", SCHEMES)):
             if getattr(self, name) not in allowed:
-                raise DesignError(f"{name} = {str(getattr(self, name))[:40]!r} is not allowed: choose {' or '.join(allowed)}")
+                raise DesignError(
+                    f"{name} = {str(getattr(self, name))[:40]!r} is not allowed: choose "
+                    f"{' or '.join(allowed)}"
+                )
         for name, low, high in (("transient", 0, 100_000), ("revolutions", 20, 100_000)):
             value = getattr(self, name)
             check_number(name, value, low, high, "revolutions")
@@ -55,7 +63,9 @@ class Settings:
                 raise DesignError(f"{name} = {value} must be a whole number of revolutions")
         check_number("tolerance", self.tolerance, 1e-10, 1e-2)
         if not isinstance(self.early_stop, bool):
-            raise DesignError(f"early_stop = {str(self.early_stop)[:40]!r} is not allowed: True or False")
+            raise DesignError(
+                f"early_stop = {str(self.early_stop)[:40]!r} is not allowed: True or False"
+            )
 
     def to_dict(self) -> dict:
         """Plain dictionary, the mesh as text."""

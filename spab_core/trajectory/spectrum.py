@@ -23,7 +23,8 @@ class Spectrum:
     order : ndarray, (F,)
         Frequency over the running speed, from 0 to half the samples a revolution.
     amplitude : ndarray, (F,)
-        Peak amplitude of the sine at that order, in the signal's unit; the mean is taken out beforehand.
+        Peak amplitude of the sine at that order, in the signal's unit; the mean is taken out
+        beforehand.
     resolution : float
         Distance of two orders that are told apart.
     """
@@ -34,7 +35,9 @@ class Spectrum:
 
     def lines(self, count: int = 3) -> list[tuple[float, float]]:
         """The strongest lines as (order, amplitude), strongest first."""
-        peaks, _ = find_peaks(np.pad(self.amplitude, 1), height=max(_FLOOR * self.amplitude.max(initial=0.0), 1e-12))
+        peaks, _ = find_peaks(
+            np.pad(self.amplitude, 1), height=max(_FLOOR * self.amplitude.max(initial=0.0), 1e-12)
+        )
         peaks = peaks - 1
         strongest = peaks[np.argsort(-self.amplitude[peaks])][:count]
         return [(float(self.order[k]), float(self.amplitude[k])) for k in strongest]
@@ -53,8 +56,9 @@ def spectrum(signal: np.ndarray, samples_per_revolution: int, window: str = "han
     Returns
     -------
     Spectrum
-        A sine at an order of the spectrum has its own amplitude there: twice the transform over the window's sum (Heinzel,
-        Ruediger and Schilling, Spectrum and spectral density estimation by the DFT, 2002, section 9).
+        A sine at an order of the spectrum has its own amplitude there: twice the transform over the
+        window's sum (Heinzel, Ruediger and Schilling, Spectrum and spectral density estimation by
+        the DFT, 2002, section 9).
 
     Raises
     ------
@@ -64,13 +68,22 @@ def spectrum(signal: np.ndarray, samples_per_revolution: int, window: str = "han
     x = np.asarray(signal, float)
     n = len(x)
     if window not in WINDOWS:
-        raise InputError(f"window = {str(window)[:40]!r} is not allowed: choose {' or '.join(WINDOWS)}")
+        raise InputError(
+            f"window = {str(window)[:40]!r} is not allowed: choose {' or '.join(WINDOWS)}"
+        )
     if n < 16 or not np.isfinite(x).all():
-        raise InputError(f"a spectrum needs at least 16 finite samples: {int(np.isfinite(x).sum())} of {n} are finite")
+        raise InputError(
+            f"a spectrum needs at least 16 finite samples: {int(np.isfinite(x).sum())} of {n} are "
+            "finite"
+        )
     w = hann(n, sym=False) if window == "hann" else np.ones(n)
     amplitude = 2.0 * np.abs(np.fft.rfft((x - x.mean()) * w)) / w.sum()
     amplitude[0] /= 2.0
     if n % 2 == 0:
         amplitude[-1] /= 2.0  # the highest order has no mirror image either
     width = 2.0 if window == "hann" else 1.0
-    return Spectrum(np.fft.rfftfreq(n, 1.0 / samples_per_revolution), amplitude, width * samples_per_revolution / n)
+    return Spectrum(
+        np.fft.rfftfreq(n, 1.0 / samples_per_revolution),
+        amplitude,
+        width * samples_per_revolution / n,
+    )

@@ -1,8 +1,8 @@
-"""Figures whose cells answer clicks: Plotly's own click event on a heatmap, which Streamlit's selections leave out.
+"""Figures whose cells answer clicks: Plotly's own click event on a heatmap, which Streamlit's
+selections leave out.
 
-An invisible layer of one WebGL point a cell would do without this listener, but it was half of what is sent and most of what is
-drawn, and a browser without WebGL had none.
-"""
+An invisible layer of one WebGL point a cell would do without this listener, but it was half of what
+is sent and most of what is drawn, and a browser without WebGL had none."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ import streamlit as st
 
 from spab_core.plotting.theme import CHOSEN
 
-# Plotly's `plot.on`, `data`, `calcdata` and `_fullLayout` as of plotly.js 3; tests/browser click in every such figure.
+# Plotly's `plot.on`, `data`, `calcdata` and `_fullLayout` as of plotly.js 3; tests/browser click in
+# every such figure.
 _LISTENER = """
 const timers = {};
 export default function ({ data, setTriggerValue }) {
@@ -55,14 +56,16 @@ def _listener():
 
 
 def mark_place(key: str, shown: Hashable, point: tuple[float, float]) -> tuple[float, float]:
-    """Where a chart's mark is to be drawn: at the point, or where it was drawn if a click has moved it to the point since.
+    """Where a chart's mark is to be drawn: at the point, or where it was drawn if a click has moved
+    it to the point since.
 
     Parameters
     ----------
     key : str
         Of the chart (:func:`clickable`).
     shown : hashable
-        What the figure shows besides: where this differs from the last run's, the figure is a new one.
+        What the figure shows besides: where this differs from the last run's, the figure is a new
+        one.
     point : tuple
         x and y of the chosen point.
     """
@@ -77,14 +80,22 @@ def mark_place(key: str, shown: Hashable, point: tuple[float, float]) -> tuple[f
     return drawn[1]
 
 
-def clickable(figure: go.Figure, key: str, on_click: Callable[[float, float], None], axis: str = "x", **options) -> None:
-    """Show a figure with a heatmap; a click on one of its cells calls ``on_click`` with the cell's x and y before the next run.
+def clickable(
+    figure: go.Figure,
+    key: str,
+    on_click: Callable[[float, float], None],
+    axis: str = "x",
+    **options,
+) -> None:
+    """Show a figure with a heatmap; a click on one of its cells calls ``on_click`` with the cell's
+    x and y before the next run.
 
     Parameters
     ----------
     figure : Figure
-        The browser moves its trace named :data:`figures.CHOSEN` to the clicked cell by itself. Where the next run sends the
-        same figure, with the mark at :func:`mark_place`, the browser keeps it as it is, zoomed and marked.
+        The browser moves its trace named :data:`figures.CHOSEN` to the clicked cell by itself.
+        Where the next run sends the same figure, with the mark at :func:`mark_place`, the browser
+        keeps it as it is, zoomed and marked.
     key : str
         Of the chart.
     on_click : callable
@@ -102,4 +113,8 @@ def clickable(figure: go.Figure, key: str, on_click: Callable[[float, float], No
             on_click(float(cell[0]), float(cell[1]))
             st.session_state[f"{key}_moved"] = True
 
-    _listener()(key=f"{key}_click", data={"chart": key, "mark": CHOSEN, "axis": axis}, on_cell_change=clicked)
+    _listener()(
+        key=f"{key}_click",
+        data={"chart": key, "mark": CHOSEN, "axis": axis},
+        on_cell_change=clicked,
+    )

@@ -1,4 +1,6 @@
-"""The design as a form on a page; what is typed becomes the design that the user works on (:mod:`spab_core.ui.view`)."""
+"""The design as a form on a page; what is typed becomes the design that the user works on
+(:mod:`spab_core.ui.view`).
+"""
 
 from __future__ import annotations
 
@@ -57,13 +59,18 @@ def _fill_speed() -> None:
         if state.get("my_grade_rpm") is None:
             state["my_grade_rpm"] = _digits(rpm)
         rotor = design.rotor
-        state["my_grade"] = _digits(grade_of_eccentricity(rotor.unbalance_eccentricity, state["my_grade_rpm"],
-                                                          rotor.journal_mass_fraction))
+        state["my_grade"] = _digits(
+            grade_of_eccentricity(
+                rotor.unbalance_eccentricity, state["my_grade_rpm"], rotor.journal_mass_fraction
+            )
+        )
         state["my_grade_of"] = design
 
 
 def take_design(design: Design, rotor_mass: float, speed_rpm: float) -> None:
-    """Make it the design that the user works on, in a widget's callback; the machine keeps mass and speed."""
+    """Make it the design that the user works on, in a widget's callback; the machine keeps mass and
+    speed.
+    """
     set_design(design)
     set_speed(design, rotor_mass, speed_rpm)
     st.session_state["my_error"] = None
@@ -78,7 +85,9 @@ def _typed() -> None:
     try:
         for name, value in values.items():
             if value is None:
-                raise InputError(f"{FIELDS[name].label} {FIELDS[name].symbol} is empty: type a number")
+                raise InputError(
+                    f"{FIELDS[name].label} {FIELDS[name].symbol} is empty: type a number"
+                )
         design = from_form(values, base)
     except InputError as error:
         state["my_error"] = str(error)
@@ -91,9 +100,14 @@ def _grade_typed() -> None:
     state, base = st.session_state, chosen_design()
     try:
         if state["my_grade"] is None or state["my_grade_rpm"] is None:
-            raise InputError("the balance grade needs two numbers: G, and the speed it is stated for")
-        design = base.replace(rotor__unbalance_eccentricity=eccentricity_of_grade(
-            state["my_grade"], state["my_grade_rpm"], base.rotor.journal_mass_fraction))
+            raise InputError(
+                "the balance grade needs two numbers: G, and the speed it is stated for"
+            )
+        design = base.replace(
+            rotor__unbalance_eccentricity=eccentricity_of_grade(
+                state["my_grade"], state["my_grade_rpm"], base.rotor.journal_mass_fraction
+            )
+        )
     except InputError as error:
         state["my_error"] = str(error)
         return
@@ -134,24 +148,53 @@ def _uploaded() -> None:
 
 def _number(place, field: FormField, **options) -> None:
     usual = _USUAL[field.name]
-    place.number_input(field.title, value=None, key=_key(field.name), format="%g", on_change=_typed, help=field.help,
-                       step=10.0 ** (math.floor(math.log10(usual)) - 1), **options)
+    place.number_input(
+        field.title,
+        value=None,
+        key=_key(field.name),
+        format="%g",
+        on_change=_typed,
+        help=field.help,
+        step=10.0 ** (math.floor(math.log10(usual)) - 1),
+        **options,
+    )
 
 
 def _rotor_fields() -> None:
     fields = {f.name: f for f in FIELDS.values() if f.group == "Rotor"}
     left, right = st.columns(2)
     _number(left, fields[_STIFFNESS], disabled=st.session_state["my_rigid"])
-    right.checkbox("Rigid shaft", key="my_rigid", on_change=_typed, help="Disc and journal move as one")
-    how = st.segmented_control("Unbalance given as", UNBALANCE_AS, default=UNBALANCE_AS[0], key="my_unbalance_as",
-                               help="ISO 21940-11: G = e_per ω in mm/s, e_per the residual unbalance over the mass of the "
-                                    "whole rotor. Only the disc is unbalanced here: e_u = G / (ω (1 - μ_j))")
+    right.checkbox(
+        "Rigid shaft", key="my_rigid", on_change=_typed, help="Disc and journal move as one"
+    )
+    how = st.segmented_control(
+        "Unbalance given as",
+        UNBALANCE_AS,
+        default=UNBALANCE_AS[0],
+        key="my_unbalance_as",
+        help="ISO 21940-11: G = e_per ω in mm/s, e_per the residual unbalance over the mass of the "
+        "whole rotor. Only the disc is unbalanced here: e_u = G / (ω (1 - μ_j))",
+    )
     left, right = st.columns(2)
     if how == UNBALANCE_AS[1]:
-        left.number_input("Balance quality grade G, mm/s", value=None, key="my_grade", format="%g", step=0.1,
-                          on_change=_grade_typed, help=f"From {GRADE_RANGE[0]:g} to {GRADE_RANGE[1]:g} mm/s; spindles 0.4 to "
-                                                       "2.5, turbines 2.5")
-        right.number_input("at the speed, rpm", value=None, key="my_grade_rpm", format="%g", step=100.0, on_change=_grade_typed)
+        left.number_input(
+            "Balance quality grade G, mm/s",
+            value=None,
+            key="my_grade",
+            format="%g",
+            step=0.1,
+            on_change=_grade_typed,
+            help=f"From {GRADE_RANGE[0]:g} to {GRADE_RANGE[1]:g} mm/s; spindles 0.4 to "
+            "2.5, turbines 2.5",
+        )
+        right.number_input(
+            "at the speed, rpm",
+            value=None,
+            key="my_grade_rpm",
+            format="%g",
+            step=100.0,
+            on_change=_grade_typed,
+        )
         st.caption(f"e_u = {1e6 * chosen_design().rotor.unbalance_eccentricity:.4g} µm")
     else:
         _number(left, fields[_UNBALANCE])
@@ -161,30 +204,78 @@ def _rotor_fields() -> None:
 
 
 def design_form() -> None:
-    """Presets, files, operating point and every value of the design; a wrong value is told and changes nothing."""
+    """Presets, files, operating point and every value of the design; a wrong value is told and
+    changes nothing.
+    """
     state, design = st.session_state, chosen_design()
-    if state.get("my_filled") != design or any(_key(name) not in state for name in FIELDS) or "my_rigid" not in state:
+    if (
+        state.get("my_filled") != design
+        or any(_key(name) not in state for name in FIELDS)
+        or "my_rigid" not in state
+    ):
         _fill(design)
     _fill_speed()
     # the preset's name stays there only as long as it is that design
     state["my_preset"] = next((name for name, p in PRESETS.items() if p.design == design), None)
     a, b = st.columns([2.2, 1], vertical_alignment="bottom")
-    a.selectbox("Start from", list(PRESETS), key="my_preset", on_change=_preset_chosen, placeholder="own design",
-                format_func=lambda name: PRESETS[name].label, index=None,
-                help="  \n".join(f"{p.label}: {p.text}." for p in PRESETS.values()))
+    a.selectbox(
+        "Start from",
+        list(PRESETS),
+        key="my_preset",
+        on_change=_preset_chosen,
+        placeholder="own design",
+        format_func=lambda name: PRESETS[name].label,
+        index=None,
+        help="  \n".join(f"{p.label}: {p.text}." for p in PRESETS.values()),
+    )
     with b.popover("Open, save", icon=":material/folder_open:", width="stretch"):
-        st.file_uploader("Design file, TOML", type="toml", key="my_file", on_change=_uploaded, max_upload_size=1)
-        st.download_button("Save this design as TOML", design_toml(design), "my.toml", "application/toml", key="my_save",
-                           on_click="ignore", icon=":material/download:", width="stretch")
+        st.file_uploader(
+            "Design file, TOML", type="toml", key="my_file", on_change=_uploaded, max_upload_size=1
+        )
+        st.download_button(
+            "Save this design as TOML",
+            design_toml(design),
+            "my.toml",
+            "application/toml",
+            key="my_save",
+            on_click="ignore",
+            icon=":material/download:",
+            width="stretch",
+        )
     if state["my_error"]:
-        st.error(f"{state['my_error'][0].upper()}{state['my_error'][1:]}. The design stays as it was.")
+        st.error(
+            f"{state['my_error'][0].upper()}{state['my_error'][1:]}. The design stays as it was."
+        )
     a, b, c = st.columns(3)
-    a.number_input("Rotor mass, kg", *ROTOR_MASS_RANGE, None, key="rotor_mass", step=0.1, format="%g",
-                   help="Whole rotor mass that one bearing carries")
-    b.number_input("Shaft speed, rpm", value=None, key="my_rpm", step=100.0, format="%.0f", on_change=_speed_typed,
-                   help="From {} to {} rpm".format(*(digits(design.speed_rpm(v)) for v in BEARING_NUMBER_RANGE)))
-    c.number_input("or bearing number Λ", *BEARING_NUMBER_RANGE, None, key="bearing_number", step=0.05, format="%.4g",
-                   help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless")
+    a.number_input(
+        "Rotor mass, kg",
+        *ROTOR_MASS_RANGE,
+        None,
+        key="rotor_mass",
+        step=0.1,
+        format="%g",
+        help="Whole rotor mass that one bearing carries",
+    )
+    b.number_input(
+        "Shaft speed, rpm",
+        value=None,
+        key="my_rpm",
+        step=100.0,
+        format="%.0f",
+        on_change=_speed_typed,
+        help="From {} to {} rpm".format(
+            *(digits(design.speed_rpm(v)) for v in BEARING_NUMBER_RANGE)
+        ),
+    )
+    c.number_input(
+        "or bearing number Λ",
+        *BEARING_NUMBER_RANGE,
+        None,
+        key="bearing_number",
+        step=0.05,
+        format="%.4g",
+        help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless",
+    )
     for tab, group in zip(st.tabs(list(GROUPS)), GROUPS, strict=True):
         with tab:
             if group == "Rotor":

@@ -17,7 +17,8 @@ _PICTURE = re.compile(r"!\[(?P<words>[^\]]*)\]\((?P<path>[^)\s]+)\)\s*")
 
 
 def read_sections(name: str, needed: Iterable[str] = (), folder: Path = DOCS) -> dict[str, str]:
-    """A document's sections: text by heading (of the second level), what stands before the first one under "".
+    """A document's sections: text by heading (of the second level), what stands before the first
+    one under "".
 
     Parameters
     ----------
@@ -35,8 +36,11 @@ def read_sections(name: str, needed: Iterable[str] = (), folder: Path = DOCS) ->
     try:
         text = (folder / name).read_text("utf-8")
     except (OSError, ValueError) as error:
-        raise InputError(f"cannot read {folder / name} ({getattr(error, 'strerror', None) or error}): restore it from the "
-                         "repository") from None
+        raise InputError(
+            f"cannot read {folder / name} ({getattr(error, 'strerror', None) or error}): restore "
+            "it from the "
+            "repository"
+        ) from None
     begin, *rest = re.split(r"^## ", text, flags=re.MULTILINE)
     sections = {"": re.sub(r"^# .*\n+", "", begin)}
     for part in rest:
@@ -44,7 +48,9 @@ def read_sections(name: str, needed: Iterable[str] = (), folder: Path = DOCS) ->
         sections[heading.strip()] = body
     for heading in needed:
         if heading not in sections:
-            raise InputError(f"{folder / name} has no section {heading!r}: restore it from the repository")
+            raise InputError(
+                f"{folder / name} has no section {heading!r}: restore it from the repository"
+            )
     return sections
 
 
@@ -62,7 +68,7 @@ def show_sections(sections: dict[str, str], folder: Path = DOCS) -> None:
 
 def _show_pictures(lines: list[str], folder: Path) -> None:
     for k in range(0, len(lines), 2):
-        for place, line in zip(st.columns(2), lines[k:k + 2], strict=False):
+        for place, line in zip(st.columns(2), lines[k : k + 2], strict=False):
             picture = _PICTURE.fullmatch(line)
             assert picture is not None
             path = folder / picture["path"]

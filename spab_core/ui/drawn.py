@@ -1,4 +1,6 @@
-"""Figures of whole maps, drawn once for all users: half a second and some megabytes that each run would spend again."""
+"""Figures of whole maps, drawn once for all users: half a second and some megabytes that each run
+would spend again.
+"""
 
 from __future__ import annotations
 

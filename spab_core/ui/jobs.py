@@ -11,14 +11,22 @@ from spab_core.ui.shared import errors_in_words
 _EVERY = 0.7  # seconds between two looks at a job
 
 
-def job_panel(kind: str, parameters: dict, label: str, key: str, *, auto: bool = False,
-              files: dict[str, bytes] | None = None) -> Job | None:
+def job_panel(
+    kind: str,
+    parameters: dict,
+    label: str,
+    key: str,
+    *,
+    auto: bool = False,
+    files: dict[str, bytes] | None = None,
+) -> Job | None:
     """Show a job and what can be done with it.
 
     Parameters
     ----------
     kind, parameters
-        The request; the same one finds its job again, on any page, after a reload or a restart of the server.
+        The request; the same one finds its job again, on any page, after a reload or a restart of
+        the server.
     label : str
         Of the start button.
     key : str
@@ -52,13 +60,22 @@ def job_panel(kind: str, parameters: dict, label: str, key: str, *, auto: bool =
         words, place = _row()
         if job is not None and job.state == "cancelled":
             resumes = KINDS[kind].resumes
-            kept = "What is solved is kept." if resumes else "Nothing is kept of it: it starts from the beginning."
+            kept = (
+                "What is solved is kept."
+                if resumes
+                else "Nothing is kept of it: it starts from the beginning."
+            )
             words.warning(f"Cancelled{_count(job)}. {kept}")
             label = "Go on" if resumes else "Start again"
         else:
             words.error(f"Failed: {job.message if job is not None else damage}.".replace("..", "."))
             label = "Try again"
-    if place.button(label, key=f"{key}_start", type="primary", width="stretch" if job is not None or damage else "content"):
+    if place.button(
+        label,
+        key=f"{key}_start",
+        type="primary",
+        width="stretch" if job is not None or damage else "content",
+    ):
         with errors_in_words():
             submit(kind, parameters, files)
         st.rerun()
@@ -88,7 +105,12 @@ def _watch(name: str, key: str) -> None:
         job = find(name)
     if job is None or not job.active:
         st.rerun()
-    words = ", ".join(filter(None, [f"{job.done:,} of {job.total:,}" if job.total else "", time_left(job.seconds_left)]))
+    words = ", ".join(
+        filter(
+            None,
+            [f"{job.done:,} of {job.total:,}" if job.total else "", time_left(job.seconds_left)],
+        )
+    )
     if job.state == "queued":
         words = f"Queued: {job.message}" if job.message else "Starting …"
     bar, stop = _row()

@@ -11,7 +11,13 @@ from pathlib import Path
 import streamlit as st
 
 from spab_core.jobs.store import Job, JobError, find, job_id
-from spab_core.maps.bifurcation import SWEEPS, Bifurcation, interval_table, line_table, load_bifurcation
+from spab_core.maps.bifurcation import (
+    SWEEPS,
+    Bifurcation,
+    interval_table,
+    line_table,
+    load_bifurcation,
+)
 from spab_core.plotting.lines import bifurcation_figure
 from spab_core.shipped.manifest import ARTIFACTS, load_reference_bifurcation
 from spab_core.ui.downloads import downloads
@@ -53,28 +59,48 @@ def line_command(line: Bifurcation, sweeps: Sequence[str], design_option: str = 
     """The command that computes a line."""
     m, n = line.metadata, len(line.values)
     full = "" if m["early_stop"] else " --full-length"
-    return (f"spab bifurcation{design_option} --vary {line.vary} --at {line.at:.12g} --range "
-            f"{line.values[0]:.12g}:{line.values[-1]:.12g}:{n} --sweeps {','.join(sweeps)} --mesh {m['mesh']} "
-            f"--method {m['method']} --scheme {m['scheme']} --transient {m['transient']} "
-            f"--revolutions {m['revolutions']}{full} --out line.npz")
+    return (
+        f"spab bifurcation{design_option} --vary {line.vary} --at {line.at:.12g} --range "
+        f"{line.values[0]:.12g}:{line.values[-1]:.12g}:{n} --sweeps {','.join(sweeps)} --mesh "
+        f"{m['mesh']} "
+        f"--method {m['method']} --scheme {m['scheme']} --transient {m['transient']} "
+        f"--revolutions {m['revolutions']}{full} --out line.npz"
+    )
 
 
-def line_view(line: Bifurcation, coordinates: Sequence[str], sweeps: Sequence[str], mark: float | None, title: str, *,
-              name: str, file: Path | None, command: str, height: int, beside: bool = False) -> None:
+def line_view(
+    line: Bifurcation,
+    coordinates: Sequence[str],
+    sweeps: Sequence[str],
+    mark: float | None,
+    title: str,
+    *,
+    name: str,
+    file: Path | None,
+    command: str,
+    height: int,
+    beside: bool = False,
+) -> None:
     """A line's figure with the list of its chaotic intervals, and everything to take away.
 
-    ``mark`` is the chosen point's value on the line; ``file`` its NPZ file, if there is one; ``beside``: the list stands beside
-    the figure, not under it.
-    """
+    ``mark`` is the chosen point's value on the line; ``file`` its NPZ file, if there is one;
+    ``beside``: the list stands beside the figure, not under it."""
     figure = bifurcation_figure(line, coordinates, sweeps, mark).update_layout(height=height)
     left, right = st.columns([3, 1], gap="medium") if beside else (st.container(), st.container())
     with left:
         words, button = st.columns([3, 1], vertical_alignment="center")
         words.markdown(f"**{title}**")
         with button:
-            downloads(name, {"Figure": figure}, {"Points": partial(line_table, line)},
-                      {"npz": file.read_bytes} if file else None, command)
-        st.plotly_chart(figure, key=f"{name}_figure", width="stretch", config={"displaylogo": False})
+            downloads(
+                name,
+                {"Figure": figure},
+                {"Points": partial(line_table, line)},
+                {"npz": file.read_bytes} if file else None,
+                command,
+            )
+        st.plotly_chart(
+            figure, key=f"{name}_figure", width="stretch", config={"displaylogo": False}
+        )
     with right:
         _intervals(line, sweeps, name, 330 if beside else 150)
 
@@ -86,14 +112,27 @@ def _intervals(line: Bifurcation, sweeps: Sequence[str], name: str, height: int)
     if table.empty:
         st.success("No chaotic point on this line.")
     else:
-        st.caption(f"Chaotic intervals, first and last chaotic point; shaded: {next(s for s in line.branches if s in sweeps)}")
+        st.caption(
+            "Chaotic intervals, first and last chaotic point; shaded: "
+            f"{next(s for s in line.branches if s in sweeps)}"
+        )
         if len(sweeps) == 1:
             table = table.drop(columns="sweep")
-        st.dataframe(table, hide_index=True, key=f"{name}_intervals", height=min(height, 38 + 35 * len(table)), column_config={
-            "sweep": "sweep",
-            "first": st.column_config.NumberColumn(f"from, {unit}", format="%.4g"),
-            "last": st.column_config.NumberColumn(f"to, {unit}", format="%.4g"),
-            "first_rpm": st.column_config.NumberColumn("from, rpm", format="%.0f"),
-            "last_rpm": st.column_config.NumberColumn("to, rpm", format="%.0f")})
+        st.dataframe(
+            table,
+            hide_index=True,
+            key=f"{name}_intervals",
+            height=min(height, 38 + 35 * len(table)),
+            column_config={
+                "sweep": "sweep",
+                "first": st.column_config.NumberColumn(f"from, {unit}", format="%.4g"),
+                "last": st.column_config.NumberColumn(f"to, {unit}", format="%.4g"),
+                "first_rpm": st.column_config.NumberColumn("from, rpm", format="%.0f"),
+                "last_rpm": st.column_config.NumberColumn("to, rpm", format="%.0f"),
+            },
+        )
     if any(failed.values()):
-        st.caption("Without an exponent (the run failed): " + ", ".join(f"{n} of {s}" for s, n in failed.items() if n))
+        st.caption(
+            "Without an exponent (the run failed): "
+            + ", ".join(f"{n} of {s}" for s, n in failed.items() if n)
+        )

@@ -1,4 +1,6 @@
-"""Operating points on pages: solved live or as a job, their verdict, the controls of design and solver."""
+"""Operating points on pages: solved live or as a job, their verdict, the controls of design and
+solver.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,13 @@ _RUN_UP = 60  # revolutions
 def chosen_settings() -> Settings:
     """Method, mesh and length that the user has chosen. Raises ``InputError``."""
     state = st.session_state
-    return Settings(state["mesh"], state["method"], int(state["transient"]), int(state["revolutions"]), scheme=state["scheme"])
+    return Settings(
+        state["mesh"],
+        state["method"],
+        int(state["transient"]),
+        int(state["revolutions"]),
+        scheme=state["scheme"],
+    )
 
 
 def duration(seconds: float) -> str:
@@ -49,21 +57,33 @@ def duration(seconds: float) -> str:
     return f"{seconds:.0f} s" if seconds < 90.0 else f"{seconds / 60.0:.0f} min"
 
 
-def solved_point(design: Design, rotor_mass: float, bearing_number: float, settings: Settings,
-                 key: str) -> OperatingPoint | None:
-    """The point solved now, or by a job with progress where that is expected to take over two seconds.
+def solved_point(
+    design: Design, rotor_mass: float, bearing_number: float, settings: Settings, key: str
+) -> OperatingPoint | None:
+    """The point solved now, or by a job with progress where that is expected to take over two
+    seconds.
 
     Returns
     -------
     OperatingPoint or None
-        None as long as the job is not done or the solver is compiled; that is on the page. Raises ``InputError``.
+        None as long as the job is not done or the solver is compiled; that is on the page. Raises
+        ``InputError``.
     """
     seconds = expected_seconds(settings, bearing_number)
     if seconds <= LIVE_SECONDS:
         return live_point(design, rotor_mass, bearing_number, settings)
-    job = job_panel("point", {"design": design.to_dict(), "rotor_mass": rotor_mass, "bearing_number": bearing_number,
-                              "settings": settings.to_dict(), "path_revolutions": LIVE_PATHS},
-                    f"Solve in the background (up to about {duration(seconds)})", key)
+    job = job_panel(
+        "point",
+        {
+            "design": design.to_dict(),
+            "rotor_mass": rotor_mass,
+            "bearing_number": bearing_number,
+            "settings": settings.to_dict(),
+            "path_revolutions": LIVE_PATHS,
+        },
+        f"Solve in the background (up to about {duration(seconds)})",
+        key,
+    )
     return _load(str(job.result), job.result.stat().st_mtime) if job else None
 
 
@@ -106,7 +126,10 @@ def run_up_of(point: OperatingPoint) -> np.ndarray:
 def spectrum_of(point: OperatingPoint, coordinates: int = 2) -> go.Figure:
     """Spectra of the first so many of :data:`COORDINATES`, as recorded."""
     path = point.trajectory.path
-    spectra = {name: spectrum(path[..., k].ravel(), path.shape[1]) for k, name in enumerate(COORDINATES[:coordinates])}
+    spectra = {
+        name: spectrum(path[..., k].ravel(), path.shape[1])
+        for k, name in enumerate(COORDINATES[:coordinates])
+    }
     return draw.spectrum_figure(spectra, point.design.bearing.clearance)
 
 
@@ -116,7 +139,10 @@ def strongest_lines(point: OperatingPoint) -> str:
     told = []
     for k, name in enumerate(COORDINATES[:2]):
         lines = spectrum(path[..., k].ravel(), path.shape[1]).lines()
-        told.append(f"{name}: " + (", ".join(f"{a * micron:.3g} µm at order {o:.2f}" for o, a in lines) or "none"))
+        told.append(
+            f"{name}: "
+            + (", ".join(f"{a * micron:.3g} µm at order {o:.2f}" for o, a in lines) or "none")
+        )
     return f"Strongest lines of {'; '.join(told)}. Orders {1 / len(path):.3f} apart, Hann window, peak amplitudes."
 
 
@@ -151,36 +177,65 @@ def orbit_table(point: OperatingPoint) -> pd.DataFrame:
 
 
 def point_npz(point: OperatingPoint) -> bytes:
-    """Everything as NPZ: what ``point_file.load_point`` reads, run-up, film and forces (N) of one more revolution."""
+    """Everything as NPZ: what ``point_file.load_point`` reads, run-up, film and forces (N) of one
+    more revolution.
+    """
     arrays = point_arrays(point) | {"run_up": run_up_of(point)}
     if point.trajectory.status == "ok":
         r = revolution_of(point)
-        arrays |= {"revolution_tau": r.tau, "revolution_states": r.states, "film_thickness": r.thickness,
-                   "film_pressure": r.pressure} | {f"force_{name}": values for name, values in forces(r).items()}
+        arrays |= {
+            "revolution_tau": r.tau,
+            "revolution_states": r.states,
+            "film_thickness": r.thickness,
+            "film_pressure": r.pressure,
+        } | {f"force_{name}": values for name, values in forces(r).items()}
     return npz_bytes(arrays)
 
 
 def simulate_command(design_option: str, point_options: str, settings: Settings) -> str:
     """The command line that solves the same."""
-    return (f"spab simulate {point_options}{design_option} --mesh {settings.mesh} --method {settings.method} "
-            f"--scheme {settings.scheme} --transient {settings.transient} --revolutions {settings.revolutions} "
-            "--orbit orbit.csv")
+    return (
+        f"spab simulate {point_options}{design_option} --mesh {settings.mesh} --method "
+        f"{settings.method} "
+        f"--scheme {settings.scheme} --transient {settings.transient} --revolutions "
+        f"{settings.revolutions} "
+        "--orbit orbit.csv"
+    )
 
 
 def verdict_panel(point: OperatingPoint) -> None:
     """Verdict in a coloured box and the numbers under it."""
-    box = {"periodic": st.success, "quasi-periodic": st.warning}.get(point.regime.name if point.regime else "", st.error)
+    box = {"periodic": st.success, "quasi-periodic": st.warning}.get(
+        point.regime.name if point.regime else "", st.error
+    )
     box(point.verdict())
     if not point.mle:
         return
     spread, least = point.mle.standard_error, 1.0 - point.max_eccentricity
     values = (
-        ("MLE per revolution", f"{point.mle.value:+.3f} ± {max(spread, 0.001):.3f}", "Maximum Lyapunov exponent, natural "
-         "logarithm, ± its standard error by batch means (on a settled periodic orbit, the last change of its leading "
-         "multiplier's rate): below zero periodic, zero quasi-periodic, above zero chaotic"),
-        ("Max. eccentricity", f"{point.max_eccentricity:.3f}", "Largest of the journal, over the clearance C"),
-        ("Least film, µm", f"{1e6 * point.design.bearing.clearance * least:.1f}", "Clearance less the largest eccentricity"),
-        ("Time in contact", f"{100 * point.contact_share:.1f} %", "Share of the time, with a film under a tenth of C"),
+        (
+            "MLE per revolution",
+            f"{point.mle.value:+.3f} ± {max(spread, 0.001):.3f}",
+            "Maximum Lyapunov exponent, natural "
+            "logarithm, ± its standard error by batch means (on a settled periodic orbit, the "
+            "last change of its leading "
+            "multiplier's rate): below zero periodic, zero quasi-periodic, above zero chaotic",
+        ),
+        (
+            "Max. eccentricity",
+            f"{point.max_eccentricity:.3f}",
+            "Largest of the journal, over the clearance C",
+        ),
+        (
+            "Least film, µm",
+            f"{1e6 * point.design.bearing.clearance * least:.1f}",
+            "Clearance less the largest eccentricity",
+        ),
+        (
+            "Time in contact",
+            f"{100 * point.contact_share:.1f} %",
+            "Share of the time, with a film under a tenth of C",
+        ),
     )
     with st.container(horizontal=True, horizontal_alignment="distribute"):
         for label, value, text in values:
@@ -188,7 +243,10 @@ def verdict_panel(point: OperatingPoint) -> None:
 
 
 def design_controls() -> None:
-    """Every value of the chosen design in drawing units, a number field each; a wrong one is told. The speed stays."""
+    """Every value of the chosen design in drawing units, a number field each; a wrong one is told.
+
+    The speed stays.
+    """
     design, state = chosen_design(), st.session_state
     for name, value in to_form(design).items():
         state[f"form_{name}"] = FIELDS[name].high if math.isinf(value) else value
@@ -202,13 +260,31 @@ def design_controls() -> None:
         for name, f in FIELDS.items():
             if f.group != group:
                 continue
-            scale, value = design.gas.ambient_pressure * 10.0**-f.power if f.over_ambient else 1.0, state[f"form_{name}"]
-            box.number_input(f.title, min(f.low * scale, value), max(f.high * scale, value), None, key=f"form_{name}",
-                             help=f.help, format="%.6g", step=_step(value), on_change=_design_changed, args=(name,),
-                             disabled=f.infinite and design.rigid)
+            scale, value = (
+                design.gas.ambient_pressure * 10.0**-f.power if f.over_ambient else 1.0,
+                state[f"form_{name}"],
+            )
+            box.number_input(
+                f.title,
+                min(f.low * scale, value),
+                max(f.high * scale, value),
+                None,
+                key=f"form_{name}",
+                help=f.help,
+                format="%.6g",
+                step=_step(value),
+                on_change=_design_changed,
+                args=(name,),
+                disabled=f.infinite and design.rigid,
+            )
             if f.infinite:
                 box.checkbox("Rigid shaft", key="form_rigid", on_change=_rigid_changed)
-    st.button("Back to the reference bearing", on_click=_take, args=(reference_design(),), key="form_reset")
+    st.button(
+        "Back to the reference bearing",
+        on_click=_take,
+        args=(reference_design(),),
+        key="form_reset",
+    )
 
 
 def _step(value: float) -> float:
@@ -228,7 +304,9 @@ def _design_changed(name: str) -> None:
 
 
 def _rigid_changed() -> None:
-    stiffness = math.inf if st.session_state["form_rigid"] else reference_design().rotor.shaft_stiffness
+    stiffness = (
+        math.inf if st.session_state["form_rigid"] else reference_design().rotor.shaft_stiffness
+    )
     _take(chosen_design().replace(rotor__shaft_stiffness=stiffness))
 
 
@@ -239,16 +317,34 @@ def _take(design: Design) -> None:
 
 
 def solver_controls(cost: bool = True) -> None:
-    """Method, mesh, scheme and length; with ``cost`` a sentence on what they cost at the chosen point."""
+    """Method, mesh, scheme and length; with ``cost`` a sentence on what they cost at the chosen
+    point.
+    """
     state = st.session_state
-    st.segmented_control("Method", METHODS, key="method", help="rodas: implicit, order 4, long steps. dtm: the paper's "
-                         "differential transformation, explicit, its steps limited by stability", required=True)
+    st.segmented_control(
+        "Method",
+        METHODS,
+        key="method",
+        help="rodas: implicit, order 4, long steps. dtm: the paper's "
+        "differential transformation, explicit, its steps limited by stability",
+        required=True,
+    )
     low, high = (Mesh(*limit) for limit in zip(*MESH_LIMITS, strict=True))
     known = MESHES if state["mesh"] in MESHES else (*MESHES, state["mesh"])
-    st.selectbox("Mesh", known, key="mesh", accept_new_options=True,
-                 help=f"Latitudes x azimuths of the half band; or type your own, from {low} to {high}")
-    st.segmented_control("Film differences", SCHEMES, key="scheme", required=True,
-                         help="fitted: exact for the first harmonic around. plain: central differences")
+    st.selectbox(
+        "Mesh",
+        known,
+        key="mesh",
+        accept_new_options=True,
+        help=f"Latitudes x azimuths of the half band; or type your own, from {low} to {high}",
+    )
+    st.segmented_control(
+        "Film differences",
+        SCHEMES,
+        key="scheme",
+        required=True,
+        help="fitted: exact for the first harmonic around. plain: central differences",
+    )
     one, two = st.columns(2)
     one.number_input("Transient, revolutions", 0, 5000, None, key="transient", step=50)
     two.number_input("Measured, revolutions", 20, 5000, None, key="revolutions", step=50)
@@ -258,6 +354,13 @@ def solver_controls(cost: bool = True) -> None:
         seconds = expected_seconds(chosen_settings(), float(state["bearing_number"]))
     except InputError:
         return  # the page says what is wrong, where it can be seen
-    where = "it is solved while you wait" if seconds <= LIVE_SECONDS else "it runs in the background, with progress and cancel"
-    st.caption(f"At most about {duration(seconds)} on this mesh: {where}. The cost grows with revolutions and azimuths; more "
-               "than 4 latitudes cost about four times as much, more than 8 again; dtm some hundred times.")
+    where = (
+        "it is solved while you wait"
+        if seconds <= LIVE_SECONDS
+        else "it runs in the background, with progress and cancel"
+    )
+    st.caption(
+        f"At most about {duration(seconds)} on this mesh: {where}. The cost grows with "
+        "revolutions and azimuths; more "
+        "than 4 latitudes cost about four times as much, more than 8 again; dtm some hundred times."
+    )

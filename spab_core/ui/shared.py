@@ -48,23 +48,30 @@ HOME = "stability map"  # title of the only page with plain pictures
 
 
 def page_head(title: str) -> None:
-    """What every page begins with; ``title`` is shown in the browser's tab. The view is opened (:mod:`spab_core.ui.view`)."""
+    """What every page begins with; ``title`` is shown in the browser's tab.
+
+    The view is opened (:mod:`spab_core.ui.view`).
+    """
     compiling.start()
     bound_memory()
     spare_lasting_objects(title)
     st.set_page_config(page_title=f"spab: {title}", page_icon="🌀", layout="wide")
-    st.html("<style>.block-container{padding:2.2rem 2rem 1rem} "
-            "@media(max-width:640px){.block-container{padding:4rem 1rem 1rem}} "
-            "section[data-testid=stSidebar]{width:12.5rem !important;"
-            "min-width:12.5rem} [data-testid=stMetricValue]{font-size:1.5rem} "
-            "[data-testid=stMetricLabel] p{font-size:.74rem} "
-            # figures that need a width scroll in their own box on a narrow screen
-            "@media(max-width:640px){[class*=st-key-wide_]{overflow-x:auto} [class*=st-key-wide_]>*{min-width:48rem}} "
-            # number fields come without their labels until their script is there
-            ".st-key-rotor_mass,.st-key-bearing_number,.st-key-rpm{min-height:4.25rem} "
-            # Streamlit names the home page by its file, app.py
-            "[data-testid=stSidebarNavItems] span[label=app] p{font-size:0} "
-            "[data-testid=stSidebarNavItems] span[label=app] p::after{content:'Stability map';font-size:.875rem}</style>")
+    st.html(
+        "<style>.block-container{padding:2.2rem 2rem 1rem} "
+        "@media(max-width:640px){.block-container{padding:4rem 1rem 1rem}} "
+        "section[data-testid=stSidebar]{width:12.5rem !important;"
+        "min-width:12.5rem} [data-testid=stMetricValue]{font-size:1.5rem} "
+        "[data-testid=stMetricLabel] p{font-size:.74rem} "
+        # figures that need a width scroll in their own box on a narrow screen
+        "@media(max-width:640px){[class*=st-key-wide_]{overflow-x:auto} "
+        "[class*=st-key-wide_]>*{min-width:48rem}} "
+        # number fields come without their labels until their script is there
+        ".st-key-rotor_mass,.st-key-bearing_number,.st-key-rpm{min-height:4.25rem} "
+        # Streamlit names the home page by its file, app.py
+        "[data-testid=stSidebarNavItems] span[label=app] p{font-size:0} "
+        "[data-testid=stSidebarNavItems] span[label=app] p::after{content:'Stability "
+        "map';font-size:.875rem}</style>"
+    )
     if title != HOME:
         want_plotly()
     for complaint in open_view():
@@ -97,19 +104,29 @@ def _stamp(name: str = REFERENCE_MAP) -> float:
 
 
 def reference_map() -> StabilityMap:
-    """The shipped map, read and checked once for each version of the file. Raises ``InputError``."""
+    """The shipped map, read and checked once for each version of the file.
+
+    Raises ``InputError``.
+    """
     return _map(_stamp())
 
 
-def _map_drawing(layer: str, name: str, divisor: int, seed: int) -> tuple[tuple, Callable[[], go.Figure]]:
+def _map_drawing(
+    layer: str, name: str, divisor: int, seed: int
+) -> tuple[tuple, Callable[[], go.Figure]]:
     """All that the map's figure depends on, and what draws it."""
     m, own = reference_map(), (name, divisor, seed) if layer == SURROGATE else ()
     predicted = predicted_map(*own) if own else None
-    return ("map", _stamp(), _stamp(PREDICTIONS), layer, *own), lambda: map_figure(m, layer, predicted, linear_table_of(m))
+    return ("map", _stamp(), _stamp(PREDICTIONS), layer, *own), lambda: map_figure(
+        m, layer, predicted, linear_table_of(m)
+    )
 
 
-def marked_map_figure(point: tuple[float, float], layer: str, name: str, divisor: int, seed: int) -> go.Figure:
-    """The map's figure with a cross at (bearing number, rotor mass); ``name``, ``divisor``, ``seed``: of the surrogate's layer.
+def marked_map_figure(
+    point: tuple[float, float], layer: str, name: str, divisor: int, seed: int
+) -> go.Figure:
+    """The map's figure with a cross at (bearing number, rotor mass); ``name``, ``divisor``,
+    ``seed``: of the surrogate's layer.
 
     Raises ``InputError``.
     """
@@ -127,11 +144,18 @@ def map_still(layer: str, name: str, divisor: int, seed: int) -> Still:
     return _still(*_map_drawing(layer, name, divisor, seed))
 
 
-def marked_surrogate_figure(point: tuple[float, float], name: str, divisor: int, seed: int) -> go.Figure:
-    """Solved map, predicted map and its error, a cross at (bearing number, rotor mass) on the error. Raises ``InputError``."""
+def marked_surrogate_figure(
+    point: tuple[float, float], name: str, divisor: int, seed: int
+) -> go.Figure:
+    """Solved map, predicted map and its error, a cross at (bearing number, rotor mass) on the
+    error. Raises ``InputError``.
+    """
     m, predicted = reference_map(), predicted_map(name, divisor, seed)
-    return drawn(("surrogate", _stamp(), _stamp(PREDICTIONS), name, divisor, seed), lambda: surrogate_figure(m, predicted),
-                 mark_trace(*point, **ERROR_AXES))
+    return drawn(
+        ("surrogate", _stamp(), _stamp(PREDICTIONS), name, divisor, seed),
+        lambda: surrogate_figure(m, predicted),
+        mark_trace(*point, **ERROR_AXES),
+    )
 
 
 @st.cache_resource(max_entries=1, show_spinner=False)
@@ -140,7 +164,10 @@ def _refinement(stamp: float) -> Refinement:
 
 
 def reference_refinement() -> Refinement:
-    """The shipped refined map, read and checked once for each version of the file. Raises ``InputError``."""
+    """The shipped refined map, read and checked once for each version of the file.
+
+    Raises ``InputError``.
+    """
     return _refinement(_stamp(REFINED))
 
 
@@ -161,14 +188,19 @@ def linear_words() -> str:
 
 
 def map_margin(rotor_mass: float, bearing_number: float) -> str:
-    """The margin of a point of the reference map and the linear threshold at its speed, as a list in Markdown."""
+    """The margin of a point of the reference map and the linear threshold at its speed, as a list
+    in Markdown.
+    """
     m = reference_map()
     try:
         found = margin(m, rotor_mass, bearing_number)
     except InputError as error:
         return f"**No margin:** {error}."
     critical = [f"{c:.3g} kg" for c in critical_masses(linear_table_of(m), bearing_number)]
-    told = [*found.sentences(), f"Linear stability threshold at this speed: {', '.join(critical) or 'none in the map'}."]
+    told = [
+        *found.sentences(),
+        f"Linear stability threshold at this speed: {', '.join(critical) or 'none in the map'}.",
+    ]
     return "\n".join([f"**{found.headline()}**", "", *(f"- :small[{text}]" for text in told)])
 
 
@@ -187,11 +219,14 @@ def page_link(name: str, label: str) -> None:
 
 @st.cache_resource(show_spinner=False)
 def _predicted() -> dict[tuple, ServedMap]:
-    return {}  # filled by hand: a cached function may not draw on the page, and training tells its progress there
+    # filled by hand: a cached function may not draw on the page, and training tells its progress
+    # there
+    return {}
 
 
 def predicted_map(name: str, divisor: int, seed: int) -> ServedMap:
-    """The reference map predicted from 1/divisor of its cells: shipped, or out of the last forty, or trained now with progress.
+    """The reference map predicted from 1/divisor of its cells: shipped, or out of the last forty,
+    or trained now with progress.
 
     Raises ``InputError``.
     """
@@ -201,7 +236,9 @@ def predicted_map(name: str, divisor: int, seed: int) -> ServedMap:
         m, kind, context, place = reference_map(), model(name), get_script_run_ctx(), st.empty()
 
         def show(done: int, total: int) -> None:
-            add_script_run_ctx(threading.current_thread(), context)  # trees are counted on another thread
+            add_script_run_ctx(
+                threading.current_thread(), context
+            )  # trees are counted on another thread
             place.progress(done / total, f"Training: {kind.label} on n/{divisor} of the cells …")
 
         found = known[key] = find_map(m, kind, divisor, seed, folder=ARTIFACTS, progress=show)
@@ -212,7 +249,9 @@ def predicted_map(name: str, divisor: int, seed: int) -> ServedMap:
 
 
 def predicted_point(rotor_mass: float, bearing_number: float) -> PointPrediction | None:
-    """What the usual model says of a point of the reference map; None where no shipped one can be opened."""
+    """What the usual model says of a point of the reference map; None where no shipped one can be
+    opened.
+    """
     try:
         return predict_point(reference_map(), rotor_mass, bearing_number, folder=ARTIFACTS)
     except ArtifactError:
@@ -223,7 +262,11 @@ def time_text(predicted: ServedMap) -> str:
     """How long training and predicting took, and where."""
     train, predict = predicted.surrogate.seconds, predicted.predict_seconds
     if predicted.origin == "shipped":
-        told = "" if math.isnan(train) else f"; training took {train:.2f} s, the whole map {predict:.2f} s, as measured once"
+        told = (
+            ""
+            if math.isnan(train)
+            else f"; training took {train:.2f} s, the whole map {predict:.2f} s, as measured once"
+        )
         return f"Predicted beforehand and shipped with spab{told}."
     begin = f"Trained in {train:.2f} s" if predicted.origin == "trained" else "Trained before"
     return f"{begin} on this machine, the whole map predicted in {predict:.2f} s."
@@ -235,7 +278,10 @@ def _intervals(path: Path, finished: float | None, stamp: float) -> MapIntervals
 
 
 def intervals_of_job(job: Job) -> MapIntervals:
-    """What a finished job of the kind "intervals" has found for the shipped map. Raises ``InputError``."""
+    """What a finished job of the kind "intervals" has found for the shipped map.
+
+    Raises ``InputError``.
+    """
     return _intervals(job.result, job.finished, _stamp())
 
 
@@ -250,17 +296,24 @@ def _ranking(stamp: float, kind: str) -> pd.DataFrame:
 
 
 def reference_scores() -> pd.DataFrame:
-    """The shipped scores of all surrogates, read and checked once for each version of the file. Raises ``InputError``."""
+    """The shipped scores of all surrogates, read and checked once for each version of the file.
+
+    Raises ``InputError``.
+    """
     return _scores(_stamp(SCORES))
 
 
 def reference_ranking(kind: str) -> pd.DataFrame:
-    """Models by the shipped scores, the best first; ``kind`` of cells as for ``evaluation.ranking``. Raises ``InputError``."""
+    """Models by the shipped scores, the best first; ``kind`` of cells as for
+    ``evaluation.ranking``. Raises ``InputError``.
+    """
     return _ranking(_stamp(SCORES), kind)
 
 
 def block_scores() -> pd.DataFrame | None:
-    """The shipped scores on withheld rectangles (``spab evaluate --split blocks``); None where none are shipped."""
+    """The shipped scores on withheld rectangles (``spab evaluate --split blocks``); None where none
+    are shipped.
+    """
     if not (ARTIFACTS / BLOCK_SCORES).exists():
         return None
     try:

@@ -20,23 +20,28 @@ _EVERY = 1.0  # seconds between two looks at the compiler
 
 
 @st.cache_resource(max_entries=64, show_spinner=False)
-def _solve(design: Design, rotor_mass: float, bearing_number: float, settings: Settings) -> OperatingPoint:
+def _solve(
+    design: Design, rotor_mass: float, bearing_number: float, settings: Settings
+) -> OperatingPoint:
     compiled = is_compiled()
     point = solve_point(design, rotor_mass, bearing_number, settings, path_revolutions=LIVE_PATHS)
     if not compiled:  # the seconds told are the compiler's
-        point = solve_point(design, rotor_mass, bearing_number, settings, path_revolutions=LIVE_PATHS)
+        point = solve_point(
+            design, rotor_mass, bearing_number, settings, path_revolutions=LIVE_PATHS
+        )
     return point
 
 
-def live_point(design: Design, rotor_mass: float, bearing_number: float,
-               settings: Settings = LIVE) -> OperatingPoint | None:
+def live_point(
+    design: Design, rotor_mass: float, bearing_number: float, settings: Settings = LIVE
+) -> OperatingPoint | None:
     """Solve an operating point now, or take it from the last 64 solved.
 
     Returns
     -------
     OperatingPoint or None
-        None as long as another process compiles the solver: what is known without it is on the page, which runs again by
-        itself once the solver is there. Raises ``InputError``.
+        None as long as another process compiles the solver: what is known without it is on the
+        page, which runs again by itself once the solver is there. Raises ``InputError``.
     """
     if waits_for_compiler(design, rotor_mass, bearing_number):
         return None
@@ -48,12 +53,14 @@ def live_point(design: Design, rotor_mass: float, bearing_number: float,
         return _solve(design, rotor_mass, bearing_number, settings)
 
 
-def waits_for_compiler(design: Design, rotor_mass: float, bearing_number: float, *, linear: bool = False) -> bool:
-    """Whether another process is still compiling; then what is known of the point, and how long it takes, are on the page.
+def waits_for_compiler(
+    design: Design, rotor_mass: float, bearing_number: float, *, linear: bool = False
+) -> bool:
+    """Whether another process is still compiling; then what is known of the point, and how long it
+    takes, are on the page.
 
-    The page runs again by itself once the solver is there; with ``linear``, what linear theory needs of it, which is there
-    before the rest.
-    """
+    The page runs again by itself once the solver is there; with ``linear``, what linear theory
+    needs of it, which is there before the rest."""
     if not _compiling(linear):
         return False
     st.info(known_words(design, rotor_mass, bearing_number))
@@ -62,7 +69,9 @@ def waits_for_compiler(design: Design, rotor_mass: float, bearing_number: float,
 
 
 def _compiling(linear: bool) -> bool:
-    return compiling.seconds_so_far() is not None and not (is_linear_compiled() if linear else is_compiled())
+    return compiling.seconds_so_far() is not None and not (
+        is_linear_compiled() if linear else is_compiled()
+    )
 
 
 def _watch(linear: bool) -> None:
@@ -71,15 +80,28 @@ def _watch(linear: bool) -> None:
     if gone is None or not _compiling(linear):
         st.rerun()
     late = gone > compiling.SECONDS
-    usual = "" if linear else f", more than the usual {compiling.SECONDS} s" if late else f", some {compiling.SECONDS} s in all"
-    st.progress(min(gone / compiling.SECONDS, 1.0), f"Compiling the solver: {gone:.0f} s so far{usual}, once on this machine")
+    usual = (
+        ""
+        if linear
+        else f", more than the usual {compiling.SECONDS} s"
+        if late
+        else f", some {compiling.SECONDS} s in all"
+    )
+    st.progress(
+        min(gone / compiling.SECONDS, 1.0),
+        f"Compiling the solver: {gone:.0f} s so far{usual}, once on this machine",
+    )
 
 
 def known_words(design: Design, rotor_mass: float, bearing_number: float) -> str:
     """What shipped results say of an operating point that is not solved, in Markdown."""
     head = "**Not solved yet.** "
     if design != reference_design():
-        return head + "Nothing is known of this design before: the shipped map and its models are of the reference bearing."
+        return (
+            head
+            + "Nothing is known of this design before: the shipped map and its models are of the "
+            "reference bearing."
+        )
     try:
         m = reference_map()
     except InputError as error:
@@ -89,14 +111,22 @@ def known_words(design: Design, rotor_mass: float, bearing_number: float) -> str
         return head + "The point lies outside the shipped map: nothing is known of it before."
     told = [_cell_words(m, m.nearest(rotor_mass, bearing_number))]
     if found := predicted_point(rotor_mass, bearing_number):
-        told.append(f"**Predicted** for this point by the model {found.model.label}, trained on {found.training_cells:,} cells "
-                    f"of the map: MLE {found.mle:+.3f} per revolution, {CONFIDENCE:.0%} interval {found.low:+.3f} to "
-                    f"{found.high:+.3f}; {found.regime}, not periodic with a probability of {found.probability_unstable:.0%}.")
+        told.append(
+            f"**Predicted** for this point by the model {found.model.label}, trained on "
+            f"{found.training_cells:,} cells "
+            f"of the map: MLE {found.mle:+.3f} per revolution, {CONFIDENCE:.0%} interval "
+            f"{found.low:+.3f} to "
+            f"{found.high:+.3f}; {found.regime}, not periodic with a probability of "
+            f"{found.probability_unstable:.0%}."
+        )
     return "\n".join([f"{head}What is known of this point:", "", *(f"- {text}" for text in told)])
 
 
 def _cell_words(m: StabilityMap, cell: tuple[int, int]) -> str:
     row, column = cell
     peak = f", largest eccentricity {m.max_eccentricity[cell]:.3f}" if m.regime[cell] else ""
-    return (f"**From the shipped map**, the cell nearest to it (Λ {m.bearing_number[row]:.4g}, {m.rotor_mass[column]:.4g} kg): "
-            f"{m.cell_text(row, column)} per revolution{peak}.")
+    return (
+        f"**From the shipped map**, the cell nearest to it (Λ {m.bearing_number[row]:.4g}, "
+        f"{m.rotor_mass[column]:.4g} kg): "
+        f"{m.cell_text(row, column)} per revolution{peak}."
+    )

@@ -1,8 +1,9 @@
-"""Plain pictures in the places of charts until the browser has Plotly, which takes it two seconds at a session's first view.
+"""Plain pictures in the places of charts until the browser has Plotly, which takes it two seconds
+at a session's first view.
 
-The picture of a map answers clicks by itself. Plotly is sent for when the pointer comes to rest, or nothing happens for a
-while: what the user waits for is not held up by it, neither here nor in another user's browser on the same machine.
-"""
+The picture of a map answers clicks by itself. Plotly is sent for when the pointer comes to rest, or
+nothing happens for a while: what the user waits for is not held up by it, neither here nor in
+another user's browser on the same machine."""
 
 from __future__ import annotations
 
@@ -70,12 +71,15 @@ def plotly_wanted() -> bool:
 
 
 def want_plotly() -> None:
-    """From the next run on charts are sent; pages without pictures call it too, since their charts bring Plotly."""
+    """From the next run on charts are sent; pages without pictures call it too, since their charts
+    bring Plotly.
+    """
     st.session_state[_READY] = True
 
 
 def show_still(html: str | None, key: str, height: int) -> None:
-    """A plain picture in place of a chart until the browser has drawn that; called in the chart's container, before the chart.
+    """A plain picture in place of a chart until the browser has drawn that; called in the chart's
+    container, before the chart.
 
     Parameters
     ----------
@@ -92,11 +96,14 @@ def show_still(html: str | None, key: str, height: int) -> None:
             f"<style>.st-key-{key}{{position:relative;min-height:{height}px}} "
             f".st-key-{key}>:has(>.st-key-{key}_still){{position:absolute;inset:0;z-index:2;pointer-events:none}} "
             f".st-key-{key} [data-testid=stSkeleton]{{visibility:hidden}} "
-            f".st-key-{key}:has(.heatmaplayer image,.scatterlayer path) .st-key-{key}_still{{display:none}}</style>{html}")
+            f".st-key-{key}:has(.heatmaplayer image,.scatterlayer path) "
+            f".st-key-{key}_still{{display:none}}</style>{html}"
+        )
 
 
 def listen_still(picture: Still, key: str, on_click: Callable[[float, float], None]) -> None:
-    """Have the picture of a map answer clicks, as :func:`clicks.clickable` has its chart, and send for Plotly in time.
+    """Have the picture of a map answer clicks, as :func:`clicks.clickable` has its chart, and send
+    for Plotly in time.
 
     Parameters
     ----------
@@ -106,10 +113,15 @@ def listen_still(picture: Still, key: str, on_click: Callable[[float, float], No
     on_click : callable
         Takes the x and y of the cell's centre.
     """
+
     def clicked():
         cell = st.session_state[f"{key}_still_click"].cell
         if cell:
             on_click(float(cell[0]), float(cell[1]))
 
-    _listener()(key=f"{key}_still_click", data={"chart": key, "x": picture.x, "y": picture.y, "shape": picture.shape},
-                on_cell_change=clicked, on_plotly_change=want_plotly)
+    _listener()(
+        key=f"{key}_still_click",
+        data={"chart": key, "x": picture.x, "y": picture.y, "shape": picture.shape},
+        on_cell_change=clicked,
+        on_plotly_change=want_plotly,
+    )

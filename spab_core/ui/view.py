@@ -1,8 +1,9 @@
-"""What follows a user through all pages and stands in the address: the chosen point, the design, model and fraction.
+"""What follows a user through all pages and stands in the address: the chosen point, the design,
+model and fraction.
 
-Every key of :data:`VIEW` is a key of ``st.session_state``, and a widget may have it as its own. :func:`open_view` begins each
-run (``page_head`` calls it): it reads the address once in a session, keeps the values across pages, writes the address anew.
-"""
+Every key of :data:`VIEW` is a key of ``st.session_state``, and a widget may have it as its own.
+:func:`open_view` begins each run (``page_head`` calls it): it reads the address once in a session,
+keeps the values across pages, writes the address anew."""
 
 from __future__ import annotations
 
@@ -39,7 +40,9 @@ _LONGEST = 100  # characters of a value in the address that are looked at
 
 @dataclass(frozen=True)
 class Field:
-    """One value of the view: what it is without a word in the address, and how a text becomes a checked value."""
+    """One value of the view: what it is without a word in the address, and how a text becomes a
+    checked value.
+    """
 
     default: Any
     read: Callable[[str], Any]  # raises InputError
@@ -53,17 +56,23 @@ def _one_of(name: str, allowed) -> Callable[[str], Any]:
         if text not in by_text:
             raise InputError(f"{name} = {text!r} is not allowed: choose {', '.join(by_text)}")
         return by_text[text]
+
     return read
 
 
-def _number(name: str, low: float, high: float, unit: str = "", whole: bool = False) -> Callable[[str], float]:
+def _number(
+    name: str, low: float, high: float, unit: str = "", whole: bool = False
+) -> Callable[[str], float]:
     def read(text: str):
         try:
             value = int(text) if whole else float(text)
         except ValueError:
-            raise InputError(f"{name} = {text!r} is not a {'whole ' if whole else ''}number") from None
+            raise InputError(
+                f"{name} = {text!r} is not a {'whole ' if whole else ''}number"
+            ) from None
         check_number(name, value, low, high, unit)
         return value
+
     return read
 
 
@@ -81,6 +90,7 @@ def _axis(name: str) -> Callable[[str], str]:
         if text:
             axis(text, name)
         return text
+
     return read
 
 
@@ -94,7 +104,9 @@ JUDGED = ("unsolved", "withheld")
 AGAINST = ("whirl frequency", "shaft speed")
 
 VIEW: dict[str, Field] = {
-    "bearing_number": Field(3.45, _number("bearing_number", *BEARING_NUMBER_RANGE), "{:.6g}".format),
+    "bearing_number": Field(
+        3.45, _number("bearing_number", *BEARING_NUMBER_RANGE), "{:.6g}".format
+    ),
     "rotor_mass": Field(4.52, _number("rotor_mass", *ROTOR_MASS_RANGE, "kg"), "{:.6g}".format),
     "layer": Field(LAYERS[0], _one_of("layer", LAYERS)),
     "model": Field(DEFAULT[0], _one_of("model", MODELS)),
@@ -117,7 +129,9 @@ VIEW: dict[str, Field] = {
     "compare": Field(False, _one_of("compare", (True, False))),
     "same": Field(SAME[0], _one_of("same", SAME)),
     "film_colour": Field(QUANTITIES[0], _one_of("film_colour", QUANTITIES)),
-    "beside": Field(False, _one_of("beside", (True, False))),  # the surrogate's prediction is compared at the chosen point
+    "beside": Field(
+        False, _one_of("beside", (True, False))
+    ),  # the surrogate's prediction is compared at the chosen point
     "sure": Field(False, _one_of("sure", (True, False))),
     "metric": Field(METRICS[0], _one_of("metric", METRICS)),
     "cells": Field(CELLS[0], _one_of("cells", CELLS)),
@@ -127,18 +141,24 @@ VIEW: dict[str, Field] = {
     # "" and 0: the usual ones of the design (show_usual)
     "own_numbers": Field("", _axis("own_numbers")),
     "own_masses": Field("", _axis("own_masses")),
-    "own_minutes": Field(SECONDS / 60.0, _number("own_minutes", *OWN_MINUTES, "minutes"), "{:.6g}".format),
+    "own_minutes": Field(
+        SECONDS / 60.0, _number("own_minutes", *OWN_MINUTES, "minutes"), "{:.6g}".format
+    ),
     "own_layer": Field(OWN_LAYERS[0], _one_of("own_layer", OWN_LAYERS)),
     "what_tab": Field(WHAT_TABS[0], _one_of("what_tab", WHAT_TABS)),
     "what_axis": Field(AXES[0], _one_of("what_axis", AXES)),
-    "what_step": Field(100.0 * STEP, _number("what_step", 100.0 * STEPS[0], 100.0 * STEPS[1], "%"), "{:.6g}".format),
+    "what_step": Field(
+        100.0 * STEP, _number("what_step", 100.0 * STEPS[0], 100.0 * STEPS[1], "%"), "{:.6g}".format
+    ),
     "what_scan": Field(SCAN, _number("what_scan", *SCANS, whole=True)),
     "run_from": Field(0.0, _number("run_from", 0.0, 1e9, "rpm"), "{:.6g}".format),
     "run_to": Field(0.0, _number("run_to", 0.0, 1e9, "rpm"), "{:.6g}".format),
     "run_count": Field(100, _number("run_count", *SPEEDS, whole=True)),
     "two_preset": Field(list(PRESETS)[1], _one_of("two_preset", PRESETS)),
 }
-_DESIGN = "_design"  # values of the design that differ from the reference, {"bearing.clearance": 3e-5}
+_DESIGN = (
+    "_design"  # values of the design that differ from the reference, {"bearing.clearance": 3e-5}
+)
 _KEPT = "_view"  # all values as they were when the last run of a page began
 _TOLD = "_told"  # a sentence for the next page
 
@@ -149,7 +169,8 @@ def open_view() -> list[str]:
     Returns
     -------
     list of str
-        What was wrong in the address, in sentences, such values take their defaults; and what :func:`set_speed` has to say.
+        What was wrong in the address, in sentences, such values take their defaults; and what
+        :func:`set_speed` has to say.
     """
     state = st.session_state
     complaints: list[str] = []
@@ -159,12 +180,14 @@ def open_view() -> list[str]:
         complaints.append(state.pop(_TOLD))
     kept = state.get(_KEPT, {})
     for key, entry in VIEW.items():
-        # Streamlit drops a widget's value on a page that does not show it, also when its last run was that of a fragment, as
-        # under a job at work; an emptied widget has None
+        # Streamlit drops a widget's value on a page that does not show it, also when its last run
+        # was that of a fragment, as under a job at work; an emptied widget has None
         value = state.get(key)
         state[key] = kept.get(key, entry.default) if value is None else value
     state[_KEPT] = {key: state[key] for key in VIEW}
-    wanted = {key: entry.write(state[key]) for key, entry in VIEW.items() if state[key] != entry.default}
+    wanted = {
+        key: entry.write(state[key]) for key, entry in VIEW.items() if state[key] != entry.default
+    }
     wanted |= {key: repr(value) for key, value in state[_DESIGN].items()}
     if st.query_params.to_dict() != wanted:
         st.query_params.from_dict(wanted)
@@ -182,7 +205,9 @@ def _read_address() -> list[str]:
             elif key in _design_fields():
                 changes[key] = _float(key, text)
             else:
-                complaints.append(f"The address has an unknown value {key[:_LONGEST]!r}; it is left out.")
+                complaints.append(
+                    f"The address has an unknown value {key[:_LONGEST]!r}; it is left out."
+                )
         except InputError as error:
             complaints.append(f"In the address: {error}. The usual value is taken.")
     state[_DESIGN] = {}
@@ -201,12 +226,18 @@ def _float(name: str, text: str) -> float:
 
 
 def _design_fields() -> list[str]:
-    return [f"{part.name}.{f.name}" for part in fields(Design) for f in fields(getattr(reference_design(), part.name))]
+    return [
+        f"{part.name}.{f.name}"
+        for part in fields(Design)
+        for f in fields(getattr(reference_design(), part.name))
+    ]
 
 
 def _changed(changes: dict[str, float]) -> Design:
     """The reference design with values by their dotted names changed."""
-    return reference_design().replace(**{key.replace(".", "__"): value for key, value in changes.items()})
+    return reference_design().replace(
+        **{key.replace(".", "__"): value for key, value in changes.items()}
+    )
 
 
 def chosen_design() -> Design:
@@ -222,28 +253,40 @@ def is_reference() -> bool:
 def set_design(design: Design) -> None:
     """Make this the design that the user works on; it stands in the address from the next run on."""
     usual = reference_design().to_dict()
-    st.session_state[_DESIGN] = {f"{part}.{key}": value for part, values in dataclasses.asdict(design).items()
-                                 for key, value in values.items() if value != usual[part][key]}
+    st.session_state[_DESIGN] = {
+        f"{part}.{key}": value
+        for part, values in dataclasses.asdict(design).items()
+        for key, value in values.items()
+        if value != usual[part][key]
+    }
 
 
 def set_point(rotor_mass: float, bearing_number: float) -> None:
-    """Make this the chosen operating point; call it in a widget's callback, before the widgets of the next run."""
+    """Make this the chosen operating point; call it in a widget's callback, before the widgets of
+    the next run.
+    """
     st.session_state["rotor_mass"] = float(f"{rotor_mass:.6g}")
     st.session_state["bearing_number"] = float(f"{bearing_number:.6g}")
 
 
 def set_speed(design: Design, rotor_mass: float, speed_rpm: float) -> None:
-    """As :func:`set_point`, at a speed; outside the bearing numbers that can be solved the nearest, as the next page tells."""
+    """As :func:`set_point`, at a speed; outside the bearing numbers that can be solved the nearest,
+    as the next page tells.
+    """
     number, (low, high) = design.bearing_number(speed_rpm * math.pi / 30.0), BEARING_NUMBER_RANGE
     nearest = min(max(number, low), high)
     if not math.isclose(number, nearest, rel_tol=1e-5):
-        st.session_state[_TOLD] = (f"At {speed_rpm:,.0f} rpm the bearing number of this design would be {number:.4g}; allowed "
-                                   f"is from {low:g} to {high:g}. The speed is now {design.speed_rpm(nearest):,.0f} rpm.")
+        st.session_state[_TOLD] = (
+            f"At {speed_rpm:,.0f} rpm the bearing number of this design would be {number:.4g}; "
+            "allowed "
+            f"is from {low:g} to {high:g}. The speed is now {design.speed_rpm(nearest):,.0f} rpm."
+        )
     set_point(rotor_mass, nearest)
 
 
 def show_usual(key: str, usual: Any, limits: tuple[float, float] | None = None) -> dict:
-    """Options of a widget for a value of the view that is usually another one with each design or point.
+    """Options of a widget for a value of the view that is usually another one with each design or
+    point.
 
     Parameters
     ----------
@@ -265,6 +308,7 @@ def show_usual(key: str, usual: Any, limits: tuple[float, float] | None = None) 
 
     def changed():
         state[key] = type(usual)() if state[shown] in (None, usual) else state[shown]
+
     return {"key": shown, "on_change": changed}
 
 
@@ -274,8 +318,14 @@ def design_words() -> str:
     if not changes:
         return "reference bearing SPAB-60"
     values = to_form(chosen_design())
-    taken = [(FIELDS[key.replace(".", "__")], values[key.replace(".", "__")]) for key in list(changes)[:3]]
-    shown = ", ".join(f"{f.label.lower()} {'rigid' if math.isinf(v) else f'{v:.4g} {f.unit}'.strip()}" for f, v in taken)
+    taken = [
+        (FIELDS[key.replace(".", "__")], values[key.replace(".", "__")])
+        for key in list(changes)[:3]
+    ]
+    shown = ", ".join(
+        f"{f.label.lower()} {'rigid' if math.isinf(v) else f'{v:.4g} {f.unit}'.strip()}"
+        for f, v in taken
+    )
     return f"own design ({shown}{', …' if len(changes) > 3 else ''})"
 
 
@@ -286,5 +336,7 @@ def point_options() -> str:
 
 
 def design_option() -> str:
-    """The chosen design as an option of the command line: "" for the reference, else a file the user has to download."""
+    """The chosen design as an option of the command line: "" for the reference, else a file the
+    user has to download.
+    """
     return "" if is_reference() else " --design my.toml"

@@ -36,5 +36,10 @@ def until_done(at, seconds=150):
 
 
 def address(at):
-    """What stands in the page's address: a text each, of which AppTest of Streamlit 1.64 makes a list."""
-    return {key: value[-1] if isinstance(value, list) else value for key, value in at.query_params.items()}
+    """What stands in the page's address: a text each, of which AppTest of Streamlit 1.64 makes a
+    list.
+    """
+    return {
+        key: value[-1] if isinstance(value, list) else value
+        for key, value in at.query_params.items()
+    }

@@ -1,4 +1,6 @@
-"""About the model without a browser: the documents as they stand in docs/, all of them, with their pictures and formulas."""
+"""About the model without a browser: the documents as they stand in docs/, all of them, with their
+pictures and formulas.
+"""
 
 import json
 import re
@@ -21,8 +23,12 @@ SHOWN = ("model.md", "numerics.md", "results.md")
 def test_every_line_of_the_documents_is_on_the_page_once():
     at = AppTest.from_file(PAGE, default_timeout=30).run()
     assert not at.exception and not at.error
-    assert [tab.label for tab in at.tabs] == ["Equations and assumptions", "Numerics and validation", "Results",
-                                              "Where it differs from the paper"]
+    assert [tab.label for tab in at.tabs] == [
+        "Equations and assumptions",
+        "Numerics and validation",
+        "Results",
+        "Where it differs from the paper",
+    ]
     shown = "\n".join(block.value for block in at.markdown).splitlines()
     for name in SHOWN:
         for line in (HOME / "docs" / name).read_text("utf-8").splitlines():
@@ -43,9 +49,15 @@ def test_formulas_are_closed():
 
 def test_the_guide_shows_every_page():
     text = (HOME / "docs" / "dashboard.md").read_text("utf-8")
-    names = ["stability_map_light", *(p.stem.partition("_")[2].lower() for p in (ROOT / "pages").glob("*.py"))]
+    names = [
+        "stability_map_light",
+        *(p.stem.partition("_")[2].lower() for p in (ROOT / "pages").glob("*.py")),
+    ]
     for name in names:
-        assert f"(pictures/{name}.png)" in text and (HOME / "docs" / "pictures" / f"{name}.png").is_file(), name
+        assert (
+            f"(pictures/{name}.png)" in text
+            and (HOME / "docs" / "pictures" / f"{name}.png").is_file()
+        ), name
     assert sum((HOME / "docs" / "pictures" / f"{name}.png").stat().st_size for name in names) < 2e6
 
 
@@ -53,8 +65,9 @@ def test_audit_figure_has_every_cell():
     at = AppTest.from_file(PAGE, default_timeout=30).run()
     traces = json.loads(at.get("plotly_chart")[0].proto.spec)["data"]
     rows = load_audit()
-    assert [t["name"] for t in traces[1:]] == [f"{r} ({(rows['regime'] == r).sum()})" for r in (
-        "periodic", "quasi-periodic", "chaotic")]
+    assert [t["name"] for t in traces[1:]] == [
+        f"{r} ({(rows['regime'] == r).sum()})" for r in ("periodic", "quasi-periodic", "chaotic")
+    ]
     crosses = sum(symbol == "x" for t in traces[1:] for symbol in t["marker"]["symbol"])
     assert crosses == int((rows["regime"] != rows["map_regime"]).sum()) > 0
 
@@ -63,7 +76,10 @@ def test_missing_documents_are_said_in_words(tmp_path, monkeypatch):
     with pytest.raises(InputError, match=r"cannot read .*model\.md"):
         read_sections("model.md", (), tmp_path)
     (tmp_path / "model.md").write_text("# The model\n\nWords\n\n## Film\n\nMore")
-    assert {k: v.strip() for k, v in read_sections("model.md", (), tmp_path).items()} == {"": "Words", "Film": "More"}
+    assert {k: v.strip() for k, v in read_sections("model.md", (), tmp_path).items()} == {
+        "": "Words",
+        "Film": "More",
+    }
     with pytest.raises(InputError, match="no section 'Contact'"):
         read_sections("model.md", ("Film", "Contact"), tmp_path)
     for text in ("", "a,b\n1,2\n"):
@@ -80,6 +96,7 @@ def test_a_missing_picture_is_told(tmp_path):
         from pathlib import Path
 
         from spab_core.ui.documents import show_sections
+
         show_sections({"Film": "Words\n![The map](pictures/none.png)\nMore"}, Path(folder))
 
     at = AppTest.from_function(page, args=(str(tmp_path),)).run()

@@ -1,4 +1,6 @@
-"""The page "Bifurcation" without a browser: shipped lines at once, every control at its ends, a live line by a real job."""
+"""The page "Bifurcation" without a browser: shipped lines at once, every control at its ends, a
+live line by a real job.
+"""
 
 import json
 
@@ -15,8 +17,15 @@ from tests.app.conftest import until_done
 from tests.conftest import ROOT
 
 PAGE = str(next((ROOT / "pages").glob("*_Bifurcation.py")))
-TINY = {"line": "rotor-mass", "mesh": "2x16", "transient": "20", "revolutions": "20", "points": "3",
-        "mass_from": "4", "mass_to": "6"}
+TINY = {
+    "line": "rotor-mass",
+    "mesh": "2x16",
+    "transient": "20",
+    "revolutions": "20",
+    "points": "3",
+    "mass_from": "4",
+    "mass_to": "6",
+}
 pytestmark = pytest.mark.usefixtures("own_jobs")
 
 
@@ -33,12 +42,19 @@ def figures(at):
 
 def panels(figure):
     """Titles of the vertical axes."""
-    return [figure["layout"][key]["title"]["text"] for key in sorted(figure["layout"]) if key.startswith("yaxis")]
+    return [
+        figure["layout"][key]["title"]["text"]
+        for key in sorted(figure["layout"])
+        if key.startswith("yaxis")
+    ]
 
 
 def words(at):
-    return " ".join(x.value for kind in ("markdown", "caption", "success", "warning", "error") for x in at.get(kind))
-
+    return " ".join(
+        x.value
+        for kind in ("markdown", "caption", "success", "warning", "error")
+        for x in at.get(kind)
+    )
 
 
 def test_the_papers_lines_open_at_once():
@@ -53,8 +69,14 @@ def test_the_papers_lines_open_at_once():
     assert "rpm" in over_number["layout"]["xaxis99"]["title"]["text"]
     mass_table, number_table = (table.value for table in at.dataframe)
     assert list(mass_table) == ["first", "last"] and mass_table["last"].max() == 25.0
-    assert list(number_table) == ["first", "last", "first_rpm", "last_rpm"] and (number_table["first_rpm"] > 7000).all()
-    assert any("--vary rotor-mass --at 3.45 --range 0.1:25:500 --sweeps cold" in code.value for code in at.code)
+    assert (
+        list(number_table) == ["first", "last", "first_rpm", "last_rpm"]
+        and (number_table["first_rpm"] > 7000).all()
+    )
+    assert any(
+        "--vary rotor-mass --at 3.45 --range 0.1:25:500 --sweeps cold" in code.value
+        for code in at.code
+    )
     assert list_jobs() == []
 
 
@@ -63,7 +85,9 @@ def test_every_sweep_and_coordinate_alone_all_and_none():
     for chosen in (*([k] for k in COORDINATES), list(COORDINATES), []):
         at.button_group(key="coordinates").set_value(chosen).run()
         assert not at.exception and not at.error
-        titles = [title[0] + {"₁": "1", "₂": "2"}[title[1]] for title in panels(figures(at)[0])[:-1]]
+        titles = [
+            title[0] + {"₁": "1", "₂": "2"}[title[1]] for title in panels(figures(at)[0])[:-1]
+        ]
         assert titles == (chosen or ["X2", "Y2"])
     for chosen in (*([k] for k in SWEEPS), list(SWEEPS), []):
         at.button_group(key="sweeps").set_value(chosen).run()
@@ -76,8 +100,12 @@ def test_who_has_a_point_of_their_own_sees_the_line_through_it():
     at = opened(rotor_mass="18", bearing_number="4.5")
     assert not at.exception and not at.error
     (figure,) = figures(at)  # the exponent, as the map has it
-    assert any(shape["type"] == "line" and shape["x0"] == 18.0 for shape in figure["layout"]["shapes"])
-    assert "Λ = 4.5" in words(at) and at.button(key="line_job_start").label.startswith("Compute 200 points (up to ")
+    assert any(
+        shape["type"] == "line" and shape["x0"] == 18.0 for shape in figure["layout"]["shapes"]
+    )
+    assert "Λ = 4.5" in words(at) and at.button(key="line_job_start").label.startswith(
+        "Compute 200 points (up to "
+    )
     at.button_group(key="line").set_value("paper").run()
     assert len(figures(at)) == 2  # and may still look at the paper's
     at.button_group(key="line").set_value("bearing-number").run()
@@ -97,13 +125,24 @@ def test_a_design_of_their_own_has_no_map_to_look_at():
 @pytest.mark.parametrize("line, along", [("rotor-mass", "mass"), ("bearing-number", "number")])
 def test_every_control_at_its_ends(line, along):
     at = opened(line=line)
-    for key in ("bearing_number", "rotor_mass", f"{along}_from", f"{along}_to", "points", "transient", "revolutions"):
+    for key in (
+        "bearing_number",
+        "rotor_mass",
+        f"{along}_from",
+        f"{along}_to",
+        "points",
+        "transient",
+        "revolutions",
+    ):
         widget = at.number_input(key=key)
         usual = widget.value
         for end in (widget.min, widget.max):
             at.number_input(key=key).set_value(end).run()
             assert not at.exception
-            upside_down = at.number_input(key=f"{along}_from").value >= at.number_input(key=f"{along}_to").value
+            upside_down = (
+                at.number_input(key=f"{along}_from").value
+                >= at.number_input(key=f"{along}_to").value
+            )
             assert bool(at.error) == upside_down, (key, end)
             assert not at.error or "start before stop" in at.error[0].value
         at.number_input(key=key).set_value(usual).run()
@@ -130,7 +169,9 @@ def test_a_live_line_is_computed_once():
     for page in (until_done(at), again.run()):
         assert not page.exception and not page.error
         (figure,) = figures(page)
-        assert panels(figure)[0] == "X₂ / C (journal)" and len(page.dataframe) + len(page.success) == 1
+        assert (
+            panels(figure)[0] == "X₂ / C (journal)" and len(page.dataframe) + len(page.success) == 1
+        )
     (job,) = list_jobs()
     assert job.state == "done" and list(load_bifurcation(job.result).values) == [4.0, 5.0, 6.0]
     assert any("--mesh 2x16" in code.value and "--range 4:6:3" in code.value for code in at.code)
@@ -142,7 +183,9 @@ def test_a_line_with_more_sweeps_serves_those_with_fewer():
     until_done(at)
     at.button_group(key="sweeps").set_value(["down"]).run()
     assert not at.exception and len(figures(at)) == 1 and len(list_jobs()) == 1
-    assert {t["marker"]["color"] for t in figures(at)[0]["data"] if t["type"] == "scattergl"} == {SWEEP_COLOURS["down"]}
+    assert {t["marker"]["color"] for t in figures(at)[0]["data"] if t["type"] == "scattergl"} == {
+        SWEEP_COLOURS["down"]
+    }
     at.button_group(key="sweeps").set_value(["up"]).run()
     assert at.button(key="line_job_start")
 
@@ -164,7 +207,11 @@ def test_a_damaged_job_can_be_started_again():
     (job,) = list_jobs()
     (job.folder / "job.json").write_text("{")
     at.run()
-    assert not at.exception and "damaged" in at.error[0].value and at.button(key="line_job_start").label == "Try again"
+    assert (
+        not at.exception
+        and "damaged" in at.error[0].value
+        and at.button(key="line_job_start").label == "Try again"
+    )
     at.button(key="line_job_start").click().run()
     assert not at.exception and not at.error and len(figures(until_done(at))) == 1
 

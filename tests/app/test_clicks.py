@@ -39,4 +39,6 @@ def test_the_mark_is_drawn_anew_only_where_the_browser_has_not_moved_it(place):
     assert place((2.0, 1.0), shown="Regime") == "(2.0, 1.0)"  # another figure
     assert place((2.0, 1.5), shown="Regime") == "(2.0, 1.5)"  # typed
     assert place((6.0, 7.0), shown="Regime", clicked=True) == "(2.0, 1.5)"
-    assert place((6.0, 7.0), shown="Regime", opened=True) == "(6.0, 7.0)"  # the page is opened again
+    assert (
+        place((6.0, 7.0), shown="Regime", opened=True) == "(6.0, 7.0)"
+    )  # the page is opened again

@@ -1,4 +1,6 @@
-"""Every page: each control at its ends, each choice taken and taken back, texts too long, every download made."""
+"""Every page: each control at its ends, each choice taken and taken back, texts too long, every
+download made.
+"""
 
 import pytest
 import streamlit as st
@@ -9,12 +11,32 @@ from spab_core.ui.view import CELLS, JUDGED, LINES, METRICS, SAME, VIEW
 from tests.conftest import ROOT
 
 PAGES = {"Stability_map": ROOT / "app.py"} | {
-    path.stem.partition("_")[2]: path for path in sorted((ROOT / "pages").glob("*.py"))}
+    path.stem.partition("_")[2]: path for path in sorted((ROOT / "pages").glob("*.py"))
+}
 STATES = [(name, {}) for name in PAGES] + [
-    ("What_if", {"what_tab": "Run-up"}), ("What_if", {"what_tab": "Two designs"}), ("Bifurcation", {"line": "rotor-mass"}),
+    ("What_if", {"what_tab": "Run-up"}),
+    ("What_if", {"what_tab": "Two designs"}),
+    ("Bifurcation", {"line": "rotor-mass"}),
     ("Surrogate_map", {"sure": True}),
-    ("Operating_point", {"bearing.clearance": "3e-05", "compare": "True", "mesh": "2x16", "transient": 20, "revolutions": 20})]
-RAW = {"line": LINES, "same": SAME, "divisor": DIVISORS, "cells": CELLS, "metric": METRICS, "judged": JUDGED}  # shown otherwise
+    (
+        "Operating_point",
+        {
+            "bearing.clearance": "3e-05",
+            "compare": "True",
+            "mesh": "2x16",
+            "transient": 20,
+            "revolutions": 20,
+        },
+    ),
+]
+RAW = {
+    "line": LINES,
+    "same": SAME,
+    "divisor": DIVISORS,
+    "cells": CELLS,
+    "metric": METRICS,
+    "judged": JUDGED,
+}  # shown otherwise
 LONG = "9" * 10_000
 pytestmark = pytest.mark.usefixtures("own_jobs")
 
@@ -32,7 +54,10 @@ def stands(at, what):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "state"), [(name, state) for name, state in STATES if state or name != "Operating_point"])
+@pytest.mark.parametrize(
+    ("name", "state"),
+    [(name, state) for name, state in STATES if state or name != "Operating_point"],
+)
 def test_every_control_at_its_ends(name, state):
     at = opened(name, state)
     stands(at, "opened")
@@ -54,11 +79,15 @@ def test_every_control_at_its_ends(name, state):
         choices = RAW.get(group.key, group.options)
         assert len(choices) == len(group.options)
         several = isinstance(group.value, list)
-        for value in ([[choice] for choice in choices] + [[], list(choices)] if several else [*choices, None]):
+        for value in (
+            [[choice] for choice in choices] + [[], list(choices)] if several else [*choices, None]
+        ):
             at.button_group(key=group.key).set_value(value).run()
             stands(at, (group.key, value))
             assert not value or at.session_state[group.key] == value
-            assert group.key not in VIEW or at.session_state[group.key] is not None  # what is taken back stays
+            assert (
+                group.key not in VIEW or at.session_state[group.key] is not None
+            )  # what is taken back stays
         at = opened(name, state)
     for box in at.selectbox:
         for k in range(len(box.options)):

@@ -1,4 +1,6 @@
-"""Pages while the solver is still being compiled: they show what is known, said to be that, and the solve takes its place."""
+"""Pages while the solver is still being compiled: they show what is known, said to be that, and the
+solve takes its place.
+"""
 
 import pytest
 import streamlit as st
@@ -18,15 +20,24 @@ LIVE = ("app.py", "pages/1_Operating_point.py", "pages/3_Surrogate_map.py", "pag
 
 @pytest.fixture
 def compiler(monkeypatch):
-    """A compiler at work since twelve seconds; a function that has it end, or be at work for so many seconds."""
+    """A compiler at work since twelve seconds; a function that has it end, or be at work for so
+    many seconds.
+    """
     st.cache_resource.clear()
     state: dict[str, float | None] = {"seconds": 12.0}
     monkeypatch.setattr(compiling, "seconds_so_far", lambda: state["seconds"])
     for name in ("is_compiled", "is_linear_compiled"):
         monkeypatch.setattr(solving, name, lambda: state["seconds"] is None)
     solve = solving.solve_point
-    monkeypatch.setattr(solving, "solve_point", lambda *a, **k: pytest.fail("solved, though the solver is not there")
-                        if state["seconds"] else solve(*a, **k))
+    monkeypatch.setattr(
+        solving,
+        "solve_point",
+        lambda *a, **k: (
+            pytest.fail("solved, though the solver is not there")
+            if state["seconds"]
+            else solve(*a, **k)
+        ),
+    )
     yield lambda seconds=None: state.update(seconds=seconds)
     st.cache_resource.clear()
 
@@ -54,16 +65,28 @@ def test_what_is_known_comes_first_and_the_solve_takes_its_place(path, compiler,
     m = load_reference_map()
     cell = m.nearest(18.0, 4.5)
     told = known(at)
-    assert all(f"the cell nearest to it (Λ 4.5, 18 kg): {m.cell_text(*cell)} per revolution, largest eccentricity "
-               f"{m.max_eccentricity[cell]:.3f}" in text and "Predicted" in text and "90% interval" in text
-               for text in told if "Nothing is known" not in text)
+    assert all(
+        f"the cell nearest to it (Λ 4.5, 18 kg): {m.cell_text(*cell)} per revolution, largest "
+        "eccentricity "
+        f"{m.max_eccentricity[cell]:.3f}"
+        in text
+        and "Predicted" in text
+        and "90% interval" in text
+        for text in told
+        if "Nothing is known" not in text
+    )
     assert any("From the shipped map" in text for text in told)
-    assert {f"Compiling the solver: 12 s so far, some {compiling.SECONDS} s in all, once on this machine"} == set(progress(at))
+    assert {
+        f"Compiling the solver: 12 s so far, some {compiling.SECONDS} s in all, once on this "
+        "machine"
+    } == set(progress(at))
     compiler()
     until_done(at)  # intervals of the surrogate, too
     assert not at.exception and not known(at) and not progress(at)
-    assert any("haotic" in e.value or "olved live" in e.value
-               for e in (*at.error, *at.warning, *at.success, *at.info, *at.caption))
+    assert any(
+        "haotic" in e.value or "olved live" in e.value
+        for e in (*at.error, *at.warning, *at.success, *at.info, *at.caption)
+    )
 
 
 def test_linear_theory_does_not_wait_for_the_rest(compiler, monkeypatch):
@@ -77,19 +100,30 @@ def test_linear_theory_does_not_wait_for_the_rest(compiler, monkeypatch):
 
 def test_a_compiler_that_takes_long_is_not_said_to_take_less(compiler):
     compiler(compiling.SECONDS + 25.0)
-    told, = progress(page("pages/1_Operating_point.py"))
+    (told,) = progress(page("pages/1_Operating_point.py"))
     usual = compiling.SECONDS
-    assert told == f"Compiling the solver: {usual + 25} s so far, more than the usual {usual} s, once on this machine"
+    assert (
+        told
+        == f"Compiling the solver: {usual + 25} s so far, more than the usual {usual} s, once on "
+        "this machine"
+    )
 
 
 def test_nothing_is_claimed_of_an_own_design(compiler):
     at = page("pages/1_Operating_point.py", **POINT, **OWN)
-    assert known(at) == ["**Not solved yet.** Nothing is known of this design before: the shipped map and its models are of "
-                         "the reference bearing."]
+    assert known(at) == [
+        "**Not solved yet.** Nothing is known of this design before: the shipped map and its "
+        "models are of "
+        "the reference bearing."
+    ]
 
 
 def test_no_page_without_a_live_solve_waits(compiler):
-    for path in ("pages/2_Bifurcation.py", "pages/4_Model_ranking.py", "pages/9_About_the_model.py"):
+    for path in (
+        "pages/2_Bifurcation.py",
+        "pages/4_Model_ranking.py",
+        "pages/9_About_the_model.py",
+    ):
         at = page(path)
         assert not known(at) and not progress(at)
 
@@ -102,8 +136,11 @@ def test_a_failed_compiler_is_said_and_the_page_compiles_itself(compiler, monkey
     real = st.spinner
     monkeypatch.setattr(solving.st, "spinner", lambda text: said.append(text) or real(text))
     at = page("app.py", **POINT)
-    assert said == ["First run on this machine: compiling the solver here, as its process ended with code 1: no room. This "
-                    "takes about 20 s, once."]
+    assert said == [
+        "First run on this machine: compiling the solver here, as its process ended with code 1: "
+        "no room. This "
+        "takes about 20 s, once."
+    ]
     assert not known(at)
 
 

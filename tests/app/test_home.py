@@ -1,4 +1,6 @@
-"""The home page without a browser: every layer, a click, typed values at their ends, failures in words."""
+"""The home page without a browser: every layer, a click, typed values at their ends, failures in
+words.
+"""
 
 import contextlib
 import json
@@ -50,7 +52,11 @@ def mark(at):
 def test_first_view(app):
     assert not app.exception
     assert len(verdict(app)) == 1 and verdict(app)[0].endswith(".")
-    assert {m.label for m in app.metric} == {"MLE per revolution", "Max. eccentricity", "Time in contact"}
+    assert {m.label for m in app.metric} == {
+        "MLE per revolution",
+        "Max. eccentricity",
+        "Time in contact",
+    }
     figures = charts(app)
     assert len(figures) == 2
     m = load_reference_map()
@@ -60,21 +66,32 @@ def test_first_view(app):
     assert cells["text"][column][row] == m.regime[row, column] == "chaotic"
     assert mark(app) == [3.45, 4.52]
     for figure in figures.values():
-        assert figure["layout"]["xaxis"]["title"]["text"] and figure["layout"]["yaxis"]["title"]["text"]
+        assert (
+            figure["layout"]["xaxis"]["title"]["text"]
+            and figure["layout"]["yaxis"]["title"]["text"]
+        )
     assert figures[0]["layout"]["xaxis2"]["title"]["text"] == "Shaft speed, rpm"
     low, high = figures[0]["layout"]["xaxis"]["range"]
-    assert figures[0]["layout"]["xaxis2"]["range"] == pytest.approx([m.design.speed_rpm(low), m.design.speed_rpm(high)])
+    assert figures[0]["layout"]["xaxis2"]["range"] == pytest.approx(
+        [m.design.speed_rpm(low), m.design.speed_rpm(high)]
+    )
     assert not app.query_params
 
 
 def test_until_plotly_is_wanted_there_are_plain_pictures():
-    """The same words, map and orbits as pictures; then the browser asks for the charts, which take their places."""
+    """The same words, map and orbits as pictures; then the browser asks for the charts, which take
+    their places.
+    """
     st.cache_resource.clear()
     at = AppTest.from_file(APP, default_timeout=240).run()
     assert not at.exception and not at.error and len(verdict(at)) == 1
     assert not at.get("plotly_chart")
     pictures = [h.proto.body for h in at.get("html") if "spab-still" in h.proto.body]
-    assert len(pictures) == 2 and "border of chaos" in pictures[0] and "Orbits, last 48 revolutions" in pictures[1]
+    assert (
+        len(pictures) == 2
+        and "border of chaos" in pictures[0]
+        and "Orbits, last 48 revolutions" in pictures[1]
+    )
     picture = shared.map_still("MLE", "theory-trees", 8, 0)
     assert pictures[0].endswith(picture.marked(3.45, 4.52))
     assert picture.shape == load_reference_map().shape
@@ -101,14 +118,20 @@ def test_every_layer_is_drawn(app, layer):
     assert not app.exception and not app.error
     data = charts(app)[0]["data"]
     assert sum(t["type"] == "heatmap" for t in data) == 1
-    assert {"border of chaos", "linear stability threshold", CHOSEN} <= {t.get("name") for t in data}
+    assert {"border of chaos", "linear stability threshold", CHOSEN} <= {
+        t.get("name") for t in data
+    }
     if layer == "Regime":
         assert {"periodic-1", "quasi-periodic", "chaotic"} <= {t.get("name") for t in data}
     heatmap = next(t for t in data if t["type"] == "heatmap")
     if layer in ("MLE", "Surrogate prediction"):
         assert heatmap["zmin"] == -heatmap["zmax"]  # the diverging scale is centred on zero
-    assert "MLE %{" in heatmap["hovertemplate"] and ("predicted" in heatmap["hovertemplate"]) == (layer == SURROGATE)
-    assert ("customdata" in heatmap) == (layer != "MLE")  # the exponent, where the colours are of something else
+    assert "MLE %{" in heatmap["hovertemplate"] and ("predicted" in heatmap["hovertemplate"]) == (
+        layer == SURROGATE
+    )
+    assert ("customdata" in heatmap) == (
+        layer != "MLE"
+    )  # the exponent, where the colours are of something else
     assert address(app).get("layer", LAYERS[0]) == layer
 
 
@@ -119,7 +142,9 @@ def test_the_predicted_layer_is_of_the_chosen_model_and_fraction(app):
         app.session_state["model"], app.session_state["divisor"] = model, divisor
         app.run()
         assert not app.exception and not app.error
-        assert any(f"Predicted by {MODELS[model].label} from n/{divisor}" in c.value for c in app.caption)
+        assert any(
+            f"Predicted by {MODELS[model].label} from n/{divisor}" in c.value for c in app.caption
+        )
         seen.add(json.dumps(next(t for t in charts(app)[0]["data"] if t["type"] == "heatmap")["z"]))
     assert len(seen) == 3
 
@@ -132,18 +157,24 @@ def test_typed_values_are_solved_and_marked(app, mass, number):
     assert f"at Λ {number:.4g} and {mass:.4g} kg" in app.caption[-1].value
     assert len(verdict(app)) == 1 and any("edge of the map" in x.value for x in app.markdown)
     assert mark(app) == [number, mass]
-    assert app.number_input(key="rpm").value == pytest.approx(load_reference_map().design.speed_rpm(number))
+    assert app.number_input(key="rpm").value == pytest.approx(
+        load_reference_map().design.speed_rpm(number)
+    )
 
 
 def test_a_typed_speed_sets_the_bearing_number(app):
     design = load_reference_map().design
     app.number_input(key="rpm").set_value(10_200.0).run()
     assert not app.exception and not app.error
-    assert design.speed_rpm(app.session_state["bearing_number"]) == pytest.approx(10_200.0, rel=1e-5)
+    assert design.speed_rpm(app.session_state["bearing_number"]) == pytest.approx(
+        10_200.0, rel=1e-5
+    )
     assert app.number_input(key="rpm").value == pytest.approx(10_200.0, rel=1e-5)
     assert address(app)["bearing_number"] == f"{app.session_state['bearing_number']:.6g}"
     app.number_input(key="rpm").set_value(None).run()  # emptied: the speed stays
-    assert not app.exception and app.number_input(key="rpm").value == pytest.approx(10_200.0, rel=1e-5)
+    assert not app.exception and app.number_input(key="rpm").value == pytest.approx(
+        10_200.0, rel=1e-5
+    )
     app.number_input(key="rotor_mass").set_value(None).run()  # emptied: the usual mass
     assert not app.exception and app.number_input(key="rotor_mass").value == 4.52
     for speed in (app.number_input(key="rpm").min, app.number_input(key="rpm").max):
@@ -154,13 +185,19 @@ def test_a_typed_speed_sets_the_bearing_number(app):
 def test_outside_the_map_there_is_no_margin(app):
     app.number_input(key="rotor_mass").set_value(30.0).run()
     assert not app.exception
-    assert any("No margin" in x.value and "allowed is from 0.1 to 25 kg" in x.value for x in app.markdown)
+    assert any(
+        "No margin" in x.value and "allowed is from 0.1 to 25 kg" in x.value for x in app.markdown
+    )
 
 
 def test_wrong_values_in_the_address_are_told():
     st.cache_resource.clear()
     at = AppTest.from_file(APP, default_timeout=240)
-    at.query_params["rotor_mass"], at.query_params["layer"], at.query_params["x"] = "-3", "Colour", "1"
+    at.query_params["rotor_mass"], at.query_params["layer"], at.query_params["x"] = (
+        "-3",
+        "Colour",
+        "1",
+    )
     at.run()
     assert not at.exception and len(at.error) == 3
     assert at.session_state["rotor_mass"] == 4.52 and at.session_state["layer"] == "MLE"
@@ -172,11 +209,17 @@ def test_an_own_design_is_solved_and_the_map_says_whose_it_is():
     at.query_params["bearing.clearance"] = "3e-05"
     at.run()
     assert not at.exception and not at.error
-    assert "reference bearing" in at.info[0].value and "30 µm" in " ".join(x.value for x in at.markdown)
-    assert not any("Margin" in x.value for x in at.markdown)  # the map's margin is not this design's
+    assert "reference bearing" in at.info[0].value and "30 µm" in " ".join(
+        x.value for x in at.markdown
+    )
+    assert not any(
+        "Margin" in x.value for x in at.markdown
+    )  # the map's margin is not this design's
     before = at.metric[0].value
     assert {"Operating_point", "My_map"} <= {link.proto.page for link in at.get("page_link")}
-    assert at.number_input(key="rpm").value == pytest.approx(reference_design().speed_rpm(3.45) * (3.0 / 3.5) ** 2)
+    assert at.number_input(key="rpm").value == pytest.approx(
+        reference_design().speed_rpm(3.45) * (3.0 / 3.5) ** 2
+    )
     at.button(key="use_reference").click().run()
     assert not at.exception and not at.info and any("Margin" in x.value for x in at.markdown)
     assert at.metric[0].value != before and not at.query_params
@@ -186,16 +229,25 @@ def test_the_downloads_are_what_is_shown(app, monkeypatch):
     taken = {}
     real = st.delta_generator.DeltaGenerator.download_button
 
-    def seen(self, label, data, name, *more, **options):  # AppTest does not hand out what a button downloads
+    def seen(
+        self, label, data, name, *more, **options
+    ):  # AppTest does not hand out what a button downloads
         taken[name] = data
         return real(self, label, data, name, *more, **options)
 
     monkeypatch.setattr(st.delta_generator.DeltaGenerator, "download_button", seen)
     monkeypatch.setattr(st, "download_button", lambda *a, **k: seen(st._main, *a, **k))
     app.button_group(key="layer").select("Regime").run()
-    assert {"stability_map_map.html", "stability_map_map.png", "stability_map_map.csv", "stability_map.npz",
-            "stability_map.nc"} <= taken.keys()
-    assert taken["stability_map.npz"]().startswith(b"PK") and taken["stability_map.nc"]().startswith(b"CDF")
+    assert {
+        "stability_map_map.html",
+        "stability_map_map.png",
+        "stability_map_map.csv",
+        "stability_map.npz",
+        "stability_map.nc",
+    } <= taken.keys()
+    assert taken["stability_map.npz"]().startswith(b"PK") and taken[
+        "stability_map.nc"
+    ]().startswith(b"CDF")
     page = taken["stability_map_map.html"]()
     assert b"chosen point" in page and b"quasi-periodic" in page
     assert len(taken["stability_map_map.csv"]().splitlines()) == load_reference_map().mle.size + 1
@@ -206,7 +258,9 @@ def test_the_downloads_are_what_is_shown(app, monkeypatch):
 
 
 def test_an_operating_point_without_exponent_is_said_in_words(app):
-    """Three tonnes would overcome the asperities; within the allowed tonne, 25 kg without asperities touches down."""
+    """Three tonnes would overcome the asperities; within the allowed tonne, 25 kg without
+    asperities touches down.
+    """
     app.number_input(key="rotor_mass").set_value(1000.0)
     app.number_input(key="bearing_number").set_value(0.01).run()
     assert not app.exception
@@ -228,7 +282,9 @@ def test_a_first_run_says_that_it_compiles(monkeypatch):
     st.cache_resource.clear()
     said = []
     monkeypatch.setattr(solving, "is_compiled", lambda: False)
-    monkeypatch.setattr(solving.st, "spinner", lambda text: said.append(text) or contextlib.nullcontext())
+    monkeypatch.setattr(
+        solving.st, "spinner", lambda text: said.append(text) or contextlib.nullcontext()
+    )
     assert not AppTest.from_file(APP, default_timeout=240).run().exception
     assert said == ["First run on this machine: compiling the solver. This takes about 20 s, once."]
 

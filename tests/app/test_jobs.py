@@ -24,9 +24,13 @@ def page():
     job_panel(kind, {"point": point, "bifurcation": line}[kind], "Start", "job")
 
 
-@pytest.mark.parametrize(("kind", "words", "label"), [
-    ("point", "Nothing is kept of it: it starts from the beginning.", "Start again"),
-    ("bifurcation", "What is solved is kept.", "Go on")])
+@pytest.mark.parametrize(
+    ("kind", "words", "label"),
+    [
+        ("point", "Nothing is kept of it: it starts from the beginning.", "Start again"),
+        ("bifurcation", "What is solved is kept.", "Go on"),
+    ],
+)
 def test_a_cancelled_job_says_what_is_kept(kind, words, label):
     at = AppTest.from_function(page, default_timeout=60).run()
     at.radio(key="kind").set_value(kind).run()

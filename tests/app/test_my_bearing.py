@@ -1,4 +1,6 @@
-"""My bearing: what is typed becomes the design of every page; numbers beside it; wrong values and files in one sentence."""
+"""My bearing: what is typed becomes the design of every page; numbers beside it; wrong values and
+files in one sentence.
+"""
 
 import io
 import json
@@ -50,7 +52,13 @@ def type_in(at, name, value):
 
 def test_first_view_is_the_reference_with_its_numbers(page):
     assert not page.error or "Unstable at rest" in page.error[0].value
-    assert len([n for n in page.number_input if n.key.startswith("my_") and n.key.removeprefix("my_") in FIELDS]) == len(FIELDS)
+    assert len(
+        [
+            n
+            for n in page.number_input
+            if n.key.startswith("my_") and n.key.removeprefix("my_") in FIELDS
+        ]
+    ) == len(FIELDS)
     found = derive(reference_design(), 4.52, 3.45)
     assert metric(page, "Eccentricity") == f"{found.eccentricity:.3f}"
     assert metric(page, "Attitude angle") == f"{found.attitude_angle:.1f}°"
@@ -69,16 +77,27 @@ def test_a_typed_value_is_the_design_of_the_dashboard_and_the_machine_keeps_its_
     assert design_of(page) == reference_design().replace(bearing__clearance=30e-6)
     assert page.number_input(key="my_rpm").value == rpm
     number = page.number_input(key="bearing_number").value
-    assert number == pytest.approx(design_of(page).bearing_number(rpm * math.pi / 30.0), rel=1e-5) and number > 4.0
-    assert metric(page, "Eccentricity") != before and metric(page, "Bearing number") == f"{number:.3g}"
+    assert (
+        number == pytest.approx(design_of(page).bearing_number(rpm * math.pi / 30.0), rel=1e-5)
+        and number > 4.0
+    )
+    assert (
+        metric(page, "Eccentricity") != before and metric(page, "Bearing number") == f"{number:.3g}"
+    )
     assert page.selectbox(key="my_preset").value is None
     type_in(page, "bearing__clearance", 35.0)
-    assert not [k for k in page.query_params if "." in k] and page.selectbox(key="my_preset").value == "spab60"
+    assert (
+        not [k for k in page.query_params if "." in k]
+        and page.selectbox(key="my_preset").value == "spab60"
+    )
 
 
 def test_a_wrong_value_is_told_and_changes_nothing(page):
     type_in(page, "bearing__clearance", 0.01)
-    assert "Radial clearance C = 0.01 µm is out of range" in page.error[0].value and "stays as it was" in page.error[0].value
+    assert (
+        "Radial clearance C = 0.01 µm is out of range" in page.error[0].value
+        and "stays as it was" in page.error[0].value
+    )
     assert design_of(page) == reference_design()
     type_in(page, "bearing__clearance", None)
     assert "is empty" in page.error[0].value
@@ -88,7 +107,10 @@ def test_a_wrong_value_is_told_and_changes_nothing(page):
     type_in(page, "bearing__clearance", 35.0)
     type_in(page, "bearing__radius", 60.0)
     type_in(page, "bearing__clearance", 34.0)
-    assert not any("stays as it was" in e.value for e in page.error) and design_of(page).bearing.clearance == 34e-6
+    assert (
+        not any("stays as it was" in e.value for e in page.error)
+        and design_of(page).bearing.clearance == 34e-6
+    )
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -101,7 +123,9 @@ def test_every_preset_is_shown(page, name):
     assert page.number_input(key="my_rpm").value == pytest.approx(p.speed_rpm, rel=1e-5)
     assert page.number_input(key="rotor_mass").value == p.rotor_mass
     assert page.checkbox(key="my_rigid").value == p.design.rigid
-    assert metric(page, "Shaft stiffness") == ("rigid" if p.design.rigid else f"{p.design.shaft_stiffness_number:.3g}")
+    assert metric(page, "Shaft stiffness") == (
+        "rigid" if p.design.rigid else f"{p.design.shaft_stiffness_number:.3g}"
+    )
 
 
 def test_a_rigid_shaft_and_back(page):
@@ -113,11 +137,16 @@ def test_a_rigid_shaft_and_back(page):
 
 def test_unbalance_as_a_balance_grade(page):
     run(page.button_group(key="my_unbalance_as").select("grade G"))
-    assert page.number_input(key="my_grade").value == pytest.approx(0.8 * 13e-3 * reference_design().speed(3.45), rel=1e-4)
+    assert page.number_input(key="my_grade").value == pytest.approx(
+        0.8 * 13e-3 * reference_design().speed(3.45), rel=1e-4
+    )
     run(page.number_input(key="my_grade_rpm").set_value(20000.0))
     run(page.number_input(key="my_grade").set_value(2.5))
     assert design_of(page).rotor.unbalance_eccentricity == eccentricity_of_grade(2.5, 20000.0, 0.2)
-    assert page.number_input(key="my_grade").value == 2.5 and page.number_input(key="my_grade_rpm").value == 20000.0
+    assert (
+        page.number_input(key="my_grade").value == 2.5
+        and page.number_input(key="my_grade_rpm").value == 20000.0
+    )
     run(page.number_input(key="my_grade").set_value(-1.0))
     assert "Balance quality grade G = -1 mm/s is out of range" in page.error[0].value
     assert design_of(page).rotor.unbalance_eccentricity == eccentricity_of_grade(2.5, 20000.0, 0.2)
@@ -128,16 +157,24 @@ def test_speed_in_rpm_or_as_bearing_number(page):
     number = reference_design().bearing_number(400.0 * math.pi)
     assert float(address(page)["bearing_number"]) == pytest.approx(number, rel=1e-5)
     run(page.number_input(key="bearing_number").set_value(2.0))
-    assert page.number_input(key="my_rpm").value == pytest.approx(reference_design().speed_rpm(2.0), rel=1e-5)
+    assert page.number_input(key="my_rpm").value == pytest.approx(
+        reference_design().speed_rpm(2.0), rel=1e-5
+    )
     run(page.number_input(key="my_rpm").set_value(1e9))
-    assert "Speed = 1e+09 rpm is out of range" in page.error[0].value and address(page)["bearing_number"] == "2"
+    assert (
+        "Speed = 1e+09 rpm is out of range" in page.error[0].value
+        and address(page)["bearing_number"] == "2"
+    )
 
 
 def test_a_design_out_of_the_address(page):
     at = AppTest.from_file(PAGE, default_timeout=60)
     at.query_params["bearing.radius"] = "0.05"
     run(at)
-    assert at.number_input(key="my_bearing__radius").value == 50.0 and design_of(at).bearing.radius == 0.05
+    assert (
+        at.number_input(key="my_bearing__radius").value == 50.0
+        and design_of(at).bearing.radius == 0.05
+    )
 
 
 class File(io.BytesIO):
@@ -145,16 +182,25 @@ class File(io.BytesIO):
 
 
 def upload(at, data):
-    """A file handed in: AppTest knows no file uploader, so its callback is called with the file in its place."""
-    script = "\n".join([
-        "import streamlit as st", "from spab_core.ui import design_form as form",
-        "from spab_core.ui.shared import page_head", "page_head('test')",
-        "from tests.app.test_my_bearing import File",
-        "st.session_state['my_file'] = File(st.session_state['given'])",
-        "st.session_state.setdefault('my_error', None)",
-        "form._uploaded()", "st.text(st.session_state['my_error'] or 'taken')",
-        "from spab_core.ui.view import chosen_design", "from spab_core.design.model import design_toml",
-        "st.code(design_toml(chosen_design()))"])
+    """A file handed in: AppTest knows no file uploader, so its callback is called with the file in
+    its place.
+    """
+    script = "\n".join(
+        [
+            "import streamlit as st",
+            "from spab_core.ui import design_form as form",
+            "from spab_core.ui.shared import page_head",
+            "page_head('test')",
+            "from tests.app.test_my_bearing import File",
+            "st.session_state['my_file'] = File(st.session_state['given'])",
+            "st.session_state.setdefault('my_error', None)",
+            "form._uploaded()",
+            "st.text(st.session_state['my_error'] or 'taken')",
+            "from spab_core.ui.view import chosen_design",
+            "from spab_core.design.model import design_toml",
+            "st.code(design_toml(chosen_design()))",
+        ]
+    )
     at = AppTest.from_string(script)
     at.session_state["given"] = data
     return run(at)
@@ -173,7 +219,9 @@ def test_downloads_are_the_design_and_its_coefficients(page, monkeypatch, tmp_pa
     made = {}
     real = st.download_button
 
-    def seen(label, data, file_name, *more, **options):  # AppTest does not hand out what a button downloads
+    def seen(
+        label, data, file_name, *more, **options
+    ):  # AppTest does not hand out what a button downloads
         made[file_name] = data
         return real(label, data, file_name, *more, **options)
 
@@ -190,10 +238,15 @@ def test_downloads_are_the_design_and_its_coefficients(page, monkeypatch, tmp_pa
 def test_against_shaft_speed(page, monkeypatch):
     seen = []
     real = Coefficients.column
-    monkeypatch.setattr(Coefficients, "column", lambda self, name: seen.append(len(self.speed)) or real(self, name))
+    monkeypatch.setattr(
+        Coefficients, "column", lambda self, name: seen.append(len(self.speed)) or real(self, name)
+    )
     run(page.button_group(key="against").select("shaft speed"))
     figure = json.loads(page.get("plotly_chart")[0].proto.spec)
-    assert figure["layout"]["xaxis"]["title"]["text"] == "shaft speed, rpm" and len(bearing.SPEEDS) in seen
+    assert (
+        figure["layout"]["xaxis"]["title"]["text"] == "shaft speed, rpm"
+        and len(bearing.SPEEDS) in seen
+    )
 
 
 def test_no_equilibrium_is_said_in_words(page):

@@ -1,4 +1,6 @@
-"""The pages "My map" and "What if" without a browser: real jobs on small work, wrong values, lists and comparison."""
+"""The pages "My map" and "What if" without a browser: real jobs on small work, wrong values, lists
+and comparison.
+"""
 
 import json
 
@@ -23,13 +25,16 @@ def opened(page, **state):
     return at.run()
 
 
-
 def figures(at):
     return [json.loads(chart.proto.spec) for chart in at.get("plotly_chart")]
 
 
 def words(at):
-    return " ".join(x.value for kind in ("markdown", "caption", "success", "warning", "error", "info") for x in at.get(kind))
+    return " ".join(
+        x.value
+        for kind in ("markdown", "caption", "success", "warning", "error", "info")
+        for x in at.get(kind)
+    )
 
 
 def test_a_bearing_is_mapped_its_margin_told_and_the_job_listed():
@@ -41,7 +46,9 @@ def test_a_bearing_is_mapped_its_margin_told_and_the_job_listed():
     names = {trace.get("name") for trace in figures(at)[0]["data"]}
     assert "solved (36)" in names and "chosen point" in names
     assert {m.label: m.value for m in at.metric}["Solved cells"] == "36"
-    assert "the nearest unstable point is" in words(at) and "kg above the quasi-periodic band" in words(at)
+    assert "the nearest unstable point is" in words(
+        at
+    ) and "kg above the quasi-periodic band" in words(at)
     for layer in ("MLE", "Probability unstable"):
         at.button_group(key="own_layer").set_value(layer).run()
         assert not at.exception and figures(at)[0]["data"][0]["type"] == "heatmap"
@@ -52,17 +59,30 @@ def test_a_bearing_is_mapped_its_margin_told_and_the_job_listed():
 
 
 def test_two_maps_are_compared():
-    submit("map", {"bearing_number": "2:4:4", "rotor_mass": "3:9:5", "seconds": 300.0, "settings": QUICK})
+    submit(
+        "map",
+        {"bearing_number": "2:4:4", "rotor_mass": "3:9:5", "seconds": 300.0, "settings": QUICK},
+    )
     at = opened(MAP, own_numbers="2:3:4", own_masses="3:9:5")
     at.button(key="own_map_start").click().run()  # with the page's own settings: another job
     at = until_done(at)
-    assert not at.exception and len(figures(at)) == 3 and len(at.selectbox(key="own_other").options) == 1
+    assert (
+        not at.exception
+        and len(figures(at)) == 3
+        and len(at.selectbox(key="own_other").options) == 1
+    )
 
 
-@pytest.mark.parametrize(("key", "value", "told"), [
-    ("own_numbers", "1:2", "start:stop:count"), ("own_numbers", "0:2:10", "bearing number = 0 is out of range"),
-    ("own_masses", "1:2:100000", "out of range"), ("own_masses", "x", "start:stop:count"),
-    ("own_dask", "nowhere", "no address")])
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        ("own_numbers", "1:2", "start:stop:count"),
+        ("own_numbers", "0:2:10", "bearing number = 0 is out of range"),
+        ("own_masses", "1:2:100000", "out of range"),
+        ("own_masses", "x", "start:stop:count"),
+        ("own_dask", "nowhere", "no address"),
+    ],
+)
 def test_a_wrong_plane_is_a_sentence(key, value, told):
     at = opened(MAP, **SMALL | {key: value})
     assert not at.exception and told in at.error[0].value
@@ -86,7 +106,12 @@ def test_a_run_up_lists_what_it_crosses():
     at = until_done(at)
     assert not at.exception and not at.error
     table = at.dataframe[0].value
-    assert table["points"].sum() == 10 and set(table["regime"]) <= {"periodic", "quasi-periodic", "chaotic", "failed"}
+    assert table["points"].sum() == 10 and set(table["regime"]) <= {
+        "periodic",
+        "quasi-periodic",
+        "chaotic",
+        "failed",
+    }
 
 
 def test_two_designs_side_by_side():
@@ -95,7 +120,10 @@ def test_two_designs_side_by_side():
         at.selectbox(key="two_preset").set_value(name).run()
         assert not at.exception and len(figures(at)) == 2
     table = at.dataframe[0].value
-    assert list(table.columns) == ["This design", f"Other: {PRESETS[name].label}"] and "MLE per revolution" in table.index
+    assert (
+        list(table.columns) == ["This design", f"Other: {PRESETS[name].label}"]
+        and "MLE per revolution" in table.index
+    )
 
 
 @pytest.mark.parametrize("content", [b"[bearing]\nradius = -1", b"\xff\xfe", b"x" * 2_000_000])
@@ -103,7 +131,12 @@ def test_a_wrong_file_of_another_design_is_a_sentence(content):
     at = opened(WHAT_IF, what_tab="Two designs")
     assert not at.exception and len(figures(at)) == 2
     at.file_uploader(key="two_file").set_value(("other.toml", content, "application/toml")).run()
-    assert not at.exception and len(at.error) == 1 and "other.toml" in at.error[0].value and not figures(at)
+    assert (
+        not at.exception
+        and len(at.error) == 1
+        and "other.toml" in at.error[0].value
+        and not figures(at)
+    )
 
 
 def test_a_run_up_downwards_is_a_sentence():

@@ -1,4 +1,6 @@
-"""The page "Operating point" without a browser: controls at their ends, wrong values, comparison, every tab, failed points."""
+"""The page "Operating point" without a browser: controls at their ends, wrong values, comparison,
+every tab, failed points.
+"""
 
 import base64
 import json
@@ -63,7 +65,9 @@ def test_every_tab_of_a_chaotic_and_a_periodic_point(mass, number, name):
         for figure in drawn:  # no plot is empty, every axis has a title
             assert sum(numbers(t["y"]) for t in figure["data"]) > 20, tab
             if tab != "Film 3-D":
-                titles = [a["title"]["text"] for k, a in figure["layout"].items() if k.startswith("yaxis")]
+                titles = [
+                    a["title"]["text"] for k, a in figure["layout"].items() if k.startswith("yaxis")
+                ]
                 assert titles and all(titles)
         assert any("revolutions from rest" in c.value for c in at.caption)
         if tab == "Spectrum":
@@ -81,7 +85,9 @@ def test_the_film_is_animated_and_honest_about_its_scale():
     assert not at.exception and figures(at)[0]["data"][0] != pressure["data"][0]
 
 
-@pytest.mark.parametrize("key, low, high", [("bearing_number", *BEARING_NUMBER_RANGE), ("rotor_mass", *ROTOR_MASS_RANGE)])
+@pytest.mark.parametrize(
+    "key, low, high", [("bearing_number", *BEARING_NUMBER_RANGE), ("rotor_mass", *ROTOR_MASS_RANGE)]
+)
 def test_the_point_at_its_ends(key, low, high):
     for value in (low, high):
         at = page()
@@ -106,9 +112,14 @@ def test_every_design_value_at_its_ends():
 
 def test_a_wrong_design_is_said_and_not_taken():
     at = page(_design={"bearing.radius": 0.01})
-    at.number_input(key="form_bearing__clearance").set_value(600.0).run()  # more than a twentieth of the radius
+    at.number_input(key="form_bearing__clearance").set_value(
+        600.0
+    ).run()  # more than a twentieth of the radius
     assert not at.exception and at.session_state["_design"] == {"bearing.radius": 0.01}
-    assert any("twentieth of the radius" in e.value and e.value.endswith("left as it was.") for e in at.error)
+    assert any(
+        "twentieth of the radius" in e.value and e.value.endswith("left as it was.")
+        for e in at.error
+    )
     assert at.number_input(key="form_bearing__clearance").value == 35.0
     at.run()
     assert not any("twentieth" in e.value for e in at.error)  # said once
@@ -129,10 +140,17 @@ def test_comparison_with_the_reference():
     at.number_input(key="form_bearing__clearance").set_value(30.0).run()
     before = at.metric[0].value
     at.toggle(key="compare").set_value(True).run()
-    assert not at.exception and len(verdicts(at)) == 2 and len(at.metric) == 8 and at.metric[0].value == before
+    assert (
+        not at.exception
+        and len(verdicts(at)) == 2
+        and len(at.metric) == 8
+        and at.metric[0].value == before
+    )
     assert [at.metric[k].value for k in (0, 2)] != [at.metric[k].value for k in (4, 6)]
     headings = [m.value for m in at.markdown if m.value.startswith("**") and "rpm" in m.value]
-    assert "Λ 6.125" in headings[0] and "Λ 6.125" in headings[1]  # the machine has kept its speed: 4.5 (35/30)²
+    assert (
+        "Λ 6.125" in headings[0] and "Λ 6.125" in headings[1]
+    )  # the machine has kept its speed: 4.5 (35/30)²
     at.button_group(key="same").select("speed").run()
     headings = [m.value for m in at.markdown if m.value.startswith("**") and "rpm" in m.value]
     assert headings[0].split(", ")[-1] == headings[1].split(", ")[-1] and "Λ 4.500" in headings[1]
@@ -144,14 +162,22 @@ def test_comparison_with_the_reference():
 
 def test_a_comparison_out_of_range_is_said_in_words():
     at = page(compare=True, same="speed", bearing_number=50.0, _design={"bearing.clearance": 60e-6})
-    assert not at.exception and any("bearing number" in e.value and "out of range" in e.value for e in at.error)
+    assert not at.exception and any(
+        "bearing number" in e.value and "out of range" in e.value for e in at.error
+    )
 
 
 def test_a_failed_point_shows_its_run_up():
     """Without asperities 25 kg touch the wall (tests/app/test_home.py)."""
     at = page(rotor_mass=25.0, bearing_number=0.5, _design={"contact.force_at_closure": 0.0})
-    assert not at.exception and verdicts(at) == ["No exponent: the journal touched the wall."] and not at.metric
-    assert len(figures(at)) == 1 and any(numbers(t["x"]) > 20 for t in figures(at)[0]["data"] if t["name"] == "run-up")
+    assert (
+        not at.exception
+        and verdicts(at) == ["No exponent: the journal touched the wall."]
+        and not at.metric
+    )
+    assert len(figures(at)) == 1 and any(
+        numbers(t["x"]) > 20 for t in figures(at)[0]["data"] if t["name"] == "run-up"
+    )
     for tab in POINT_TABS[1:]:
         at.session_state["tab"] = tab
         at.run()
@@ -186,22 +212,33 @@ def test_long_work_is_asked_for_as_a_job():
 
 
 def test_expected_seconds_follow_the_measured_runs():
-    """400 revolutions, one core: 4x48 rodas 0.17 s; dtm at 4x24 7.6 s, at 4x48 14.6 s (bearing number 3.45)."""
-    for mesh, method, measured in (("4x48", "rodas", 0.17), ("8x128", "rodas", 1.4), ("4x24", "dtm", 7.5),
-                                   ("4x48", "dtm", 14.6), ("2x16", "dtm", 0.6)):
+    """400 revolutions, one core: 4x48 rodas 0.17 s; dtm at 4x24 7.6 s, at 4x48 14.6 s (bearing
+    number 3.45).
+    """
+    for mesh, method, measured in (
+        ("4x48", "rodas", 0.17),
+        ("8x128", "rodas", 1.4),
+        ("4x24", "dtm", 7.5),
+        ("4x48", "dtm", 14.6),
+        ("2x16", "dtm", 0.6),
+    ):
         told = expected_seconds(Settings(mesh, method, 200, 200), 3.45)
         assert 0.7 * measured < told < 3.0 * measured, (mesh, method)
     assert expected_seconds(Settings(transient=200, revolutions=200), 3.45) < ui.LIVE_SECONDS
 
 
 def test_downloads_hold_everything(tmp_path, design):
-    point = solve_point(design, 18.0, 4.5, Settings("2x16", transient=20, revolutions=20), path_revolutions=20)
+    point = solve_point(
+        design, 18.0, 4.5, Settings("2x16", transient=20, revolutions=20), path_revolutions=20
+    )
     path = tmp_path / "point.npz"
     path.write_bytes(ui.point_npz(point))
     again = load_point(path)
     assert again.mle.value == point.mle.value and again.design == point.design
     with np.load(path, allow_pickle=False) as data:
-        assert {"run_up", "film_pressure", "film_thickness", "force_film", "force_contact"} <= set(data.files)
+        assert {"run_up", "film_pressure", "film_thickness", "force_film", "force_contact"} <= set(
+            data.files
+        )
         assert data["film_pressure"].shape == data["film_thickness"].shape == (73, 16, 2)
     table = ui.orbit_table(point)
     assert len(table) == 20 * 96 and table["tau"].iloc[0] == pytest.approx(2 * math.pi * 20)
@@ -210,10 +247,14 @@ def test_downloads_hold_everything(tmp_path, design):
 
 
 def test_the_command_gives_the_same_answer(tmp_path, monkeypatch, capsys):
-    at = page(rotor_mass=18.0, bearing_number=4.5, scheme="plain", _design={"bearing.clearance": 30e-6})
+    at = page(
+        rotor_mass=18.0, bearing_number=4.5, scheme="plain", _design={"bearing.clearance": 30e-6}
+    )
     words = shlex.split(at.code[-1].value)
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "my.toml").write_text(design_toml(ui.reference_design().replace(bearing__clearance=30e-6)))
+    (tmp_path / "my.toml").write_text(
+        design_toml(ui.reference_design().replace(bearing__clearance=30e-6))
+    )
     assert words[0] == "spab" and main([*words[1:], "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert at.metric[0].value.startswith(f"{told['mle_per_revolution']:+.3f} ± ")

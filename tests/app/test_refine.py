@@ -1,4 +1,6 @@
-"""The page "Where to solve next" without a browser, on a small refinement: layers, table, download, failures in words."""
+"""The page "Where to solve next" without a browser, on a small refinement: layers, table, download,
+failures in words.
+"""
 
 import io
 import json
@@ -26,21 +28,30 @@ PAGE = str(next((ROOT / "pages").glob("*_Where_to_solve_next.py")))
 
 @pytest.fixture
 def small(tmp_path, monkeypatch):
-    """A folder with a refinement of a known map and a made-up learning curve, in which refining meets its goal."""
+    """A folder with a refinement of a known map and a made-up learning curve, in which refining
+    meets its goal.
+    """
     m = with_hole(map_of(lambda number, mass: 0.2 * number - 0.05 * mass))
-    save_refinement(refine(m.bearing_number, m.rotor_mass, map_oracle(m), 60, metadata=m.metadata), tmp_path / REFINED)
+    save_refinement(
+        refine(m.bearing_number, m.rotor_mass, map_oracle(m), 60, metadata=m.metadata),
+        tmp_path / REFINED,
+    )
     write_manifest(tmp_path)
     curve(tmp_path, (0.2, 0.95), (0.3, 0.94), (0.4, 0.90))
     monkeypatch.setattr(shared, "ARTIFACTS", tmp_path)
     monkeypatch.setattr(artifacts.checked_bytes, "__defaults__", (tmp_path,))
-    monkeypatch.setattr(learning_curve.load_learning_curve, "__defaults__", (tmp_path / "curve.csv",))
+    monkeypatch.setattr(
+        learning_curve.load_learning_curve, "__defaults__", (tmp_path / "curve.csv",)
+    )
     st.cache_resource.clear()
     return tmp_path
 
 
 def curve(folder, *values):
     rows = made_up(*values)
-    pd.concat([rows, rows.assign(judged="withheld", rmse=2.0 * rows["rmse"])]).to_csv(folder / "curve.csv", index=False)
+    pd.concat([rows, rows.assign(judged="withheld", rmse=2.0 * rows["rmse"])]).to_csv(
+        folder / "curve.csv", index=False
+    )
 
 
 def figure(at, k):
@@ -50,7 +61,9 @@ def figure(at, k):
 def test_every_layer_and_both_judgements(small):
     at = AppTest.from_file(PAGE, default_timeout=60).run()
     assert not at.exception and not at.error
-    assert "0.250" in at.success[0].value and "0.350" in at.success[0].value  # the means of the made-up curve
+    assert (
+        "0.250" in at.success[0].value and "0.350" in at.success[0].value
+    )  # the means of the made-up curve
     seen = set()
     for layer in REFINE_LAYERS:
         at.button_group(key="refine_layer").select(layer).run()
@@ -68,21 +81,32 @@ def test_the_points_to_solve_next_are_cells_not_solved(small, monkeypatch):
     downloaded = []
     real = DeltaGenerator.download_button
 
-    def seen(self, label, data, *more, **options):  # AppTest does not hand out what a button downloads
+    def seen(
+        self, label, data, *more, **options
+    ):  # AppTest does not hand out what a button downloads
         downloaded.append((label, data))
         return real(self, label, data, *more, **options)
 
     monkeypatch.setattr(DeltaGenerator, "download_button", seen)
-    monkeypatch.setattr(st, "download_button", lambda *more, **options: seen(st._main, *more, **options))
+    monkeypatch.setattr(
+        st, "download_button", lambda *more, **options: seen(st._main, *more, **options)
+    )
     at = AppTest.from_file(PAGE, default_timeout=60).run()
     table = at.dataframe[0].value
-    assert len(table) == 24 and {"bearing_number", "rotor_mass_kg", "in_doubt"} <= set(table.columns)
+    assert len(table) == 24 and {"bearing_number", "rotor_mass_kg", "in_doubt"} <= set(
+        table.columns
+    )
     refined = artifacts.load_reference_refinement(small)
     row = [int(np.abs(refined.bearing_number - b).argmin()) for b in table["bearing_number"]]
     column = [int(np.abs(refined.rotor_mass - m).argmin()) for m in table["rotor_mass_kg"]]
     assert not refined.solved[row, column].any()
-    assert [label for label, _ in downloaded] == ["Plane, HTML", "Plane, PNG", "Points, CSV", "Learning curve, CSV",
-                                                  "Data, NPZ"]
+    assert [label for label, _ in downloaded] == [
+        "Plane, HTML",
+        "Plane, PNG",
+        "Points, CSV",
+        "Learning curve, CSV",
+        "Data, NPZ",
+    ]
     points, curve, data = (make() for _, make in downloaded[2:])
     pd.testing.assert_frame_equal(pd.read_csv(io.BytesIO(points)), table)
     assert len(pd.read_csv(io.BytesIO(curve))) == len(learning_curve.load_learning_curve())

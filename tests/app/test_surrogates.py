@@ -1,4 +1,6 @@
-"""The surrogate pages without a browser, on a small map with its scores: every model and fraction, failures in words."""
+"""The surrogate pages without a browser, on a small map with its scores: every model and fraction,
+failures in words.
+"""
 
 import dataclasses
 import json
@@ -25,7 +27,10 @@ from spab_core.ui import shared
 from tests.app.conftest import until_done
 from tests.conftest import ROOT
 
-PAGE = {name: str(next((ROOT / "pages").glob(f"*_{name}.py"))) for name in ("Surrogate_map", "Model_ranking")}
+PAGE = {
+    name: str(next((ROOT / "pages").glob(f"*_{name}.py")))
+    for name in ("Surrogate_map", "Model_ranking")
+}
 
 
 @pytest.fixture(scope="module")
@@ -36,9 +41,13 @@ def small_folder(tmp_path_factory):
     rows, columns = (slice(None, None, max(n // 16, 1)) for n in m.shape)
     cells = {name: getattr(m, name)[rows, columns].copy() for name in FIELDS}
     cells["mle"][2, 3], cells["regime"][2, 3], cells["status"][2, 3] = np.nan, "", "touchdown"
-    small = dataclasses.replace(m, bearing_number=m.bearing_number[rows], rotor_mass=m.rotor_mass[columns], **cells)
+    small = dataclasses.replace(
+        m, bearing_number=m.bearing_number[rows], rotor_mass=m.rotor_mass[columns], **cells
+    )
     save_map(small, folder / REFERENCE_MAP)
-    scores = evaluate(small, [MODELS[k] for k in ("mlp", "svr", "tree", "forest", "linear")], (2, 8), (0, 1))
+    scores = evaluate(
+        small, [MODELS[k] for k in ("mlp", "svr", "tree", "forest", "linear")], (2, 8), (0, 1)
+    )
     scores.to_csv(folder / SCORES, index=False)
     write_manifest(folder)
     return folder
@@ -92,7 +101,13 @@ def test_first_view_of_the_surrogate_map(small):
 def shipped(small, tmp_path, monkeypatch):
     """The small map's folder with predicted maps and models of the tree."""
     folder = shutil.copytree(small, tmp_path / "shipped")
-    rebuild(load_map(folder / REFERENCE_MAP), folder, models=[MODELS["tree"], MODELS["mlp"]], divisors=(2, 8), seeds=(0,))
+    rebuild(
+        load_map(folder / REFERENCE_MAP),
+        folder,
+        models=[MODELS["tree"], MODELS["mlp"]],
+        divisors=(2, 8),
+        seeds=(0,),
+    )
     monkeypatch.setattr(shared, "ARTIFACTS", folder)
     monkeypatch.setattr(artifacts.load_reference_map, "__defaults__", (folder,))
     monkeypatch.setenv("SPAB_CACHE", str(tmp_path / "cache"))  # nothing was trained before
@@ -102,6 +117,7 @@ def shipped(small, tmp_path, monkeypatch):
 def test_shipped_predictions_are_shown_without_training(shipped, monkeypatch):
     def refuse(*args, **options):
         raise AssertionError("trained")
+
     monkeypatch.setattr(pretrained, "predict_map", refuse)
     at = open_page("Surrogate_map")
     assert at.exception  # the forest is not in this folder: so the check below can fail
@@ -119,34 +135,54 @@ def test_predictions_of_another_map_are_not_shown_and_it_says_so(shipped):
     st.cache_resource.clear()
     at = open_page("Surrogate_map")
     at.selectbox(key="model").select("tree").run()
-    assert not at.exception and "another map" in at.warning[0].value and "spab train --all" in at.warning[0].value
+    assert (
+        not at.exception
+        and "another map" in at.warning[0].value
+        and "spab train --all" in at.warning[0].value
+    )
     assert any("Trained in" in c.value for c in at.caption)
 
 
 def test_a_click_on_the_error_map_compares_with_the_live_solve(own_jobs):
-    """On the shipped map, whose intervals a real job computes; an outlier of the predicted map must be outside.
+    """On the shipped map, whose intervals a real job computes; an outlier of the predicted map must
+    be outside.
 
-    One in the midst of settled limit cycles, where every processor solves the same: not at the edge of chaos.
-    """
+    One in the midst of settled limit cycles, where every processor solves the same: not at the edge
+    of chaos."""
     m = load_reference_map()
-    # AppTest cannot click a chart: the page's own callback runs as the click would have it (tests/browser clicks)
-    source, before = Path(PAGE["Surrogate_map"]).read_text("utf-8"), '\nst.markdown("#### Surrogate map'
+    # AppTest cannot click a chart: the page's own callback runs as the click would have it
+    # (tests/browser clicks)
+    source, before = (
+        Path(PAGE["Surrogate_map"]).read_text("utf-8"),
+        '\nst.markdown("#### Surrogate map',
+    )
     assert source.count(before) == 1
-    clicking = source.replace(before, f'\nif "test_click" in state:\n    _clicked(*state.pop("test_click")){before}')
+    clicking = source.replace(
+        before, f'\nif "test_click" in state:\n    _clicked(*state.pop("test_click")){before}'
+    )
     at = AppTest.from_string(clicking, default_timeout=120).run()
     assert not any(h.value.startswith("##### Compared") for h in at.markdown) and not list_jobs()
     predicted = pretrained.load_shipped_map(m, MODELS["theory-trees"], 8)
     error = np.where(predicted.trained, 0.0, np.abs(predicted.mle - m.mle))
-    settled = minimum_filter((m.regime == "periodic") & (m.mle_standard_error < 1e-3), 3, mode="constant")
-    cell = np.unravel_index(np.nanargmax(np.where(settled & (m.bearing_number[:, None] > 1.0), error, 0.0)), m.shape)
+    settled = minimum_filter(
+        (m.regime == "periodic") & (m.mle_standard_error < 1e-3), 3, mode="constant"
+    )
+    cell = np.unravel_index(
+        np.nanargmax(np.where(settled & (m.bearing_number[:, None] > 1.0), error, 0.0)), m.shape
+    )
     assert error[cell] > 0.25
     number, mass = float(m.bearing_number[cell[0]]), float(m.rotor_mass[cell[1]])
     at.session_state["test_click"] = number, mass
     at.run()
     assert not at.exception and not at.error
     assert f"##### Compared at Λ {number:.3f}" in "".join(h.value for h in at.markdown)
-    assert at.session_state["rotor_mass"] == pytest.approx(mass) and at.session_state["bearing_number"] == pytest.approx(number)
-    assert f"Predicted {predicted.mle[cell]:+.3f}" in at.info[0].value and "interval" not in at.info[0].value
+    assert at.session_state["rotor_mass"] == pytest.approx(mass) and at.session_state[
+        "bearing_number"
+    ] == pytest.approx(number)
+    assert (
+        f"Predicted {predicted.mle[cell]:+.3f}" in at.info[0].value
+        and "interval" not in at.info[0].value
+    )
     until_done(at)
     assert not at.exception and not at.error
     assert "outside the model's 90% interval" in at.warning[0].value
@@ -156,7 +192,9 @@ def test_a_click_on_the_error_map_compares_with_the_live_solve(own_jobs):
     assert "The model was trained on this cell" in (*at.success, *at.warning)[0].value
     at.button_group(key="divisor").select(2).run()
     mark = next(t for t in figure(at)["data"] if t.get("name") == CHOSEN)
-    assert [*mark["x"], *mark["y"]] == [m.bearing_number[row], m.rotor_mass[column]] and mark["xaxis"] == "x3"
+    assert [*mark["x"], *mark["y"]] == [m.bearing_number[row], m.rotor_mass[column]] and mark[
+        "xaxis"
+    ] == "x3"
     assert not at.exception and not at.error
 
 
@@ -175,7 +213,11 @@ def test_how_sure_it_is(own_jobs):
     at = open_page("Surrogate_map")
     at.selectbox(key="model").select("tree").run()
     at.toggle(key="sure").set_value(True).run()
-    assert not at.exception and len(list_jobs()) == 1 and not [x for x in at.metric if "Coverage" in x.label]
+    assert (
+        not at.exception
+        and len(list_jobs()) == 1
+        and not [x for x in at.metric if "Coverage" in x.label]
+    )
     until_done(at)
     assert not at.exception and not at.error
     found = {metric.label: metric.value for metric in at.metric}
@@ -193,14 +235,22 @@ def test_wrong_values_in_the_address_are_told_and_the_usual_ones_taken(small, ad
     for key, value in address.items():
         at.query_params[key] = value
     at.run()
-    assert not at.exception and len(at.error) == 1 and "The usual value is taken" in at.error[0].value
+    assert (
+        not at.exception and len(at.error) == 1 and "The usual value is taken" in at.error[0].value
+    )
     assert at.metric and at.selectbox(key="model").value == "theory-trees"
 
 
 def test_scores_on_withheld_rectangles_stand_beside_the_others(small):
     at = open_page("Model_ranking")
     assert not at.exception and any("spab evaluate --split blocks" in c.value for c in at.caption)
-    scores = evaluate(load_map(small / REFERENCE_MAP), [MODELS[k] for k in ("tree", "linear")], (2,), (0, 1), split="blocks")
+    scores = evaluate(
+        load_map(small / REFERENCE_MAP),
+        [MODELS[k] for k in ("tree", "linear")],
+        (2,),
+        (0, 1),
+        split="blocks",
+    )
     path = small / shared.BLOCK_SCORES
     try:
         scores.to_csv(path, index=False)
@@ -209,7 +259,9 @@ def test_scores_on_withheld_rectangles_stand_beside_the_others(small):
         assert not at.exception and not at.error
         beside = at.dataframe[2].value
         assert list(beside.index) == ["cells at random", "rectangles"]
-        assert beside["Decision tree"]["rectangles"] == pytest.approx(scores[scores.model == "tree"]["rmse_held_out"].mean())
+        assert beside["Decision tree"]["rectangles"] == pytest.approx(
+            scores[scores.model == "tree"]["rmse_held_out"].mean()
+        )
         path.write_text("changed")
         at = open_page("Model_ranking")
         assert not at.exception and shared.BLOCK_SCORES in at.error[0].value
@@ -221,7 +273,9 @@ def test_scores_on_withheld_rectangles_stand_beside_the_others(small):
 def test_model_ranking(small):
     at = open_page("Model_ranking")
     assert not at.exception and at.success[0].value.startswith("Best by RMSE")
-    assert {t["name"] for t in figure(at)["data"]} == {MODELS[k].label for k in ("mlp", "svr", "tree", "forest", "linear")}
+    assert {t["name"] for t in figure(at)["data"]} == {
+        MODELS[k].label for k in ("mlp", "svr", "tree", "forest", "linear")
+    }
     assert {"Average", "Standard deviation", "Max - Min"} <= set(at.dataframe[1].value.index)
     beside = at.dataframe[2].value
     assert beside["Random forest, paper"].iloc[0] == 0.45 and len(beside.columns) == 8
@@ -242,14 +296,22 @@ def test_missing_scores_are_said_in_words(small, monkeypatch, tmp_path):
 
 def test_own_data_are_ranked_by_a_job(own_jobs, small):
     """A CSV of 100 points, all models: a wrong file is a sentence, the job can be cancelled."""
-    number, mass = (a.ravel() for a in np.meshgrid(np.linspace(0.5, 8.0, 10), np.linspace(1.0, 20.0, 10)))
+    number, mass = (
+        a.ravel() for a in np.meshgrid(np.linspace(0.5, 8.0, 10), np.linspace(1.0, 20.0, 10))
+    )
     table = pd.DataFrame({"Λ": number, "m_r": mass, "MLE": np.sin(number) * mass})
     at = open_page("Model_ranking")
     at.file_uploader(key="own_data").set_value(("mine.csv", b"a,b\n1,2\n", "text/csv")).run()
     assert not at.exception and "no column 'bearing_number'" in at.error[0].value
-    at.file_uploader(key="own_data").set_value(("mine.csv", table.to_csv(index=False).encode(), "text/csv")).run()
+    at.file_uploader(key="own_data").set_value(
+        ("mine.csv", table.to_csv(index=False).encode(), "text/csv")
+    ).run()
     assert not at.exception and not at.error and any("100 points" in c.value for c in at.caption)
     at.button(key="own_ranking_start").click().run()
     (job,) = list_jobs()
     cancel(job.id)  # what it computes is tested with the job
-    assert job.kind == "ranking" and not at.exception and any("Cancelled" in w.value for w in at.run().warning)
+    assert (
+        job.kind == "ranking"
+        and not at.exception
+        and any("Cancelled" in w.value for w in at.run().warning)
+    )

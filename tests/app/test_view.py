@@ -15,7 +15,14 @@ def page():
     import streamlit as st
 
     from spab_core.ui.shared import page_head
-    from spab_core.ui.view import VIEW, chosen_design, design_words, set_design, set_speed, show_usual
+    from spab_core.ui.view import (
+        VIEW,
+        chosen_design,
+        design_words,
+        set_design,
+        set_speed,
+        show_usual,
+    )
 
     for key in VIEW if st.session_state.pop("forget", False) else ():
         del st.session_state[key]
@@ -50,14 +57,26 @@ def test_a_copied_address_opens_the_same_view():
     assert not copy.error
 
 
-@pytest.mark.parametrize(("key", "value", "words"), [
-    ("rotor_mass", "-5", "rotor_mass = -5 kg is out of range: allowed is from 0.001 to 1000 kg"),
-    ("rotor_mass", "nan", "rotor_mass = nan kg is out of range"), ("bearing_number", "1e999", "out of range"),
-    ("model", "oracle", "model = 'oracle' is not allowed: choose mlp"), ("divisor", "7.5", "not allowed"),
-    ("draw", "1.5", "draw = '1.5' is not a whole number"), ("mesh", "9999x9999", "mesh"),
-    ("bearing.clearance", "1", "bearing.clearance = 1 m is out of range"), ("bearing.clearance", "x", "is not a number"),
-    ("contact.roughness", "0.1", "the contact force at the centre"), ("../../etc", "1", "unknown value '../../etc'"),
-])
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        (
+            "rotor_mass",
+            "-5",
+            "rotor_mass = -5 kg is out of range: allowed is from 0.001 to 1000 kg",
+        ),
+        ("rotor_mass", "nan", "rotor_mass = nan kg is out of range"),
+        ("bearing_number", "1e999", "out of range"),
+        ("model", "oracle", "model = 'oracle' is not allowed: choose mlp"),
+        ("divisor", "7.5", "not allowed"),
+        ("draw", "1.5", "draw = '1.5' is not a whole number"),
+        ("mesh", "9999x9999", "mesh"),
+        ("bearing.clearance", "1", "bearing.clearance = 1 m is out of range"),
+        ("bearing.clearance", "x", "is not a number"),
+        ("contact.roughness", "0.1", "the contact force at the centre"),
+        ("../../etc", "1", "unknown value '../../etc'"),
+    ],
+)
 def test_a_wrong_address_is_told_and_the_page_stands(key, value, words):
     at = opened(**{key: value})
     assert not at.exception and len(at.error) == 1 and words in at.error[0].value
@@ -83,7 +102,9 @@ def test_values_survive_a_page_without_their_widgets():
 
 
 def test_an_emptied_or_dropped_value_is_the_last_one_not_the_usual():
-    """Streamlit gives None for an emptied number, and forgets a widget's value where only a fragment of its page ran last."""
+    """Streamlit gives None for an emptied number, and forgets a widget's value where only a
+    fragment of its page ran last.
+    """
     at = opened(rotor_mass="7.25")
     at.number_input(key="rotor_mass").set_value(None).run()
     assert at.number_input(key="rotor_mass").value == 7.25 and address(at) == {"rotor_mass": "7.25"}
@@ -105,9 +126,14 @@ def test_a_usual_value_follows_its_design_until_another_is_typed():
     at = opened()
     assert at.text_input[0].value == "1:2:10" and at.number_input(key="run_to_shown").value == 900.0
     at.text_input[0].set_value("3:4:5").run()
-    assert address(at) == {"own_numbers": "3:4:5"} and opened(own_numbers="3:4:5").text_input[0].value == "3:4:5"
+    assert (
+        address(at) == {"own_numbers": "3:4:5"}
+        and opened(own_numbers="3:4:5").text_input[0].value == "3:4:5"
+    )
     at.text_input[0].set_value("").run()
     assert at.text_input[0].value == "1:2:10" and not at.query_params
     at.number_input(key="run_to_shown").set_value(500.0).run()
     assert address(at) == {"run_to": "500"}
-    assert opened(run_to="5000").number_input(key="run_to_shown").value == 1000.0  # the end of what is allowed now
+    assert (
+        opened(run_to="5000").number_input(key="run_to_shown").value == 1000.0
+    )  # the end of what is allowed now

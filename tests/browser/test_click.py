@@ -1,4 +1,6 @@
-"""A designer's first minute in real Chromium: the map is there, a click on a cell solves that cell live."""
+"""A designer's first minute in real Chromium: the map is there, a click on a cell solves that cell
+live.
+"""
 
 import importlib.util
 import time
@@ -23,7 +25,9 @@ MARKED = """() => { const plot = document.querySelector('.js-plotly-plot'), layo
 
 
 def _pictures():
-    spec = importlib.util.spec_from_file_location("take_pictures", ROOT / "docs" / "take_pictures.py")
+    spec = importlib.util.spec_from_file_location(
+        "take_pictures", ROOT / "docs" / "take_pictures.py"
+    )
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -37,10 +41,11 @@ ASKED = "**/PlotlyChart*"
 
 
 def test_the_map_answers_before_plotly_is_there(chromium):
-    """The plain picture stands where Plotly draws later (to three pixels), takes clicks like it, and gives way to it.
+    """The plain picture stands where Plotly draws later (to three pixels), takes clicks like it,
+    and gives way to it.
 
-    Plotly is not sent for before the pointer rests, and its script is held back then until all is looked at.
-    """
+    Plotly is not sent for before the pointer rests, and its script is held back then until all is
+    looked at."""
     tools, m, held = _pictures(), load_reference_map(), []
     with tools.dashboard() as address, tools.browser_page() as page:
         page.goto(address)  # compiles, draws
@@ -54,12 +59,21 @@ def test_the_map_answers_before_plotly_is_there(chromium):
         still, _, cross, orbit, _ = page.evaluate(PLACES)
         assert place_on(still, cross, m) == pytest.approx([6.0, 7.0], abs=0.06)
         row, column = m.nearest(18.0, 4.5)
-        page.mouse.click(*(still[k] + share * (still[k + 2] - still[k]) for k, share in (
-            (0, (row + 0.4) / m.shape[0]), (1, 1.0 - (column + 0.6) / m.shape[1]))))
+        page.mouse.click(
+            *(
+                still[k] + share * (still[k + 2] - still[k])
+                for k, share in (
+                    (0, (row + 0.4) / m.shape[0]),
+                    (1, 1.0 - (column + 0.6) / m.shape[1]),
+                )
+            )
+        )
         page.get_by_text(point_words(m, row, column)).wait_for()
         assert "bearing_number=4.5&rotor_mass=18" in page.url
         assert place_on(still, page.evaluate(PLACES)[2], m) == pytest.approx([4.5, 18.0], abs=0.06)
-        page.wait_for_selector("[data-testid=stSkeleton]", state="attached")  # in the charts' places
+        page.wait_for_selector(
+            "[data-testid=stSkeleton]", state="attached"
+        )  # in the charts' places
         assert held and page.locator(".spab-still img").first.is_visible()
         Path(OUTPUT).mkdir(exist_ok=True)
         page.screenshot(path=OUTPUT / "still.png")
@@ -76,16 +90,22 @@ def test_the_map_answers_before_plotly_is_there(chromium):
 
 
 def place_on(plot, cross, m):
-    """Bearing number and rotor mass at the middle of a box within the plot's: cells are of one size."""
+    """Bearing number and rotor mass at the middle of a box within the plot's: cells are of one
+    size.
+    """
     found = []
     for k, axis in ((0, m.bearing_number), (1, m.rotor_mass)):
         share = ((cross[k] + cross[k + 2]) / 2 - plot[k]) / (plot[k + 2] - plot[k])
-        found.append(float(axis[0] + ((1.0 - share if k else share) * len(axis) - 0.5) * (axis[1] - axis[0])))
+        found.append(
+            float(axis[0] + ((1.0 - share if k else share) * len(axis) - 0.5) * (axis[1] - axis[0]))
+        )
     return found
 
 
 def test_plotly_comes_when_it_is_wanted_at_once(chromium):
-    """A drag on the picture, or the wheel, is for zooming: the charts come without a pause, and the point stays."""
+    """A drag on the picture, or the wheel, is for zooming: the charts come without a pause, and the
+    point stays.
+    """
     tools = _pictures()
     with tools.dashboard() as address, tools.browser_page() as page:
         for drag in (True, False):
@@ -115,12 +135,17 @@ def test_click_a_cell(chromium):
     m = load_reference_map()
     messages, requests = [], []
     with tools.dashboard() as address, tools.browser_page() as page:
-        page.on("console", lambda entry: messages.append(entry.text) if entry.type == "error" else None)
+        page.on(
+            "console", lambda entry: messages.append(entry.text) if entry.type == "error" else None
+        )
         page.on("pageerror", lambda error: messages.append(str(error)))
         page.on("request", lambda request: requests.append(request.url))
         page.goto(address)
         tools.settled(page)
-        seconds = [click_cell(page, m, *m.nearest(mass, number)) for mass, number in ((7.0, 6.0), (10.0, 5.0), (18.0, 4.5))]
+        seconds = [
+            click_cell(page, m, *m.nearest(mass, number))
+            for mass, number in ((7.0, 6.0), (10.0, 5.0), (18.0, 4.5))
+        ]
         tools.settled(page)
         marked = zoomed_and_marked(page, m)
         Path(OUTPUT).mkdir(exist_ok=True)
@@ -132,12 +157,17 @@ def test_click_a_cell(chromium):
     assert "Chaotic" in text and "Unstable here (chaotic)" in text
     assert f"bearing_number={m.bearing_number[row]:.6g}" in shown and "rotor_mass=18" in shown
     assert not messages, messages
-    assert all(url.startswith((address, address.replace("http", "ws"), "data:", "blob:")) for url in requests), requests
+    assert all(
+        url.startswith((address, address.replace("http", "ws"), "data:", "blob:"))
+        for url in requests
+    ), requests
     print("click to answer: " + ", ".join(f"{s:.2f} s" for s in seconds))
 
 
 def zoomed_and_marked(page, m):
-    """Zoom in, click two cells, zoom out: (rotor mass, bearing number) at the mark's place on the screen, zoomed and whole."""
+    """Zoom in, click two cells, zoom out: (rotor mass, bearing number) at the mark's place on the
+    screen, zoomed and whole.
+    """
     box = page.evaluate("""() => { const r = document.querySelector('.js-plotly-plot .nsewdrag').getBoundingClientRect();
         return [r.left, r.top, r.width, r.height]; }""")
     page.mouse.move(box[0] + 0.3 * box[2], box[1] + 0.1 * box[3])
@@ -152,7 +182,9 @@ def zoomed_and_marked(page, m):
         page.wait_for_timeout(500)
         assert page.evaluate(AXES) == zoomed  # the figure was not sent again
     found = page.evaluate(MARKED)
-    page.mouse.dblclick(box[0] + 0.9 * box[2], box[1] + 0.9 * box[3])  # back to the whole map, not to another point
+    page.mouse.dblclick(
+        box[0] + 0.9 * box[2], box[1] + 0.9 * box[3]
+    )  # back to the whole map, not to another point
     page.get_by_text(point_words(m, *m.nearest(18.0, 4.5))).wait_for()
     page.wait_for_timeout(1500)
     assert page.evaluate(AXES) != zoomed
@@ -162,16 +194,21 @@ def zoomed_and_marked(page, m):
 def click_cell(page, m, row, column):
     """Click the cell and wait until its own answer is there; returns the seconds between."""
     number, mass = float(m.bearing_number[row]), float(m.rotor_mass[column])
-    position = page.evaluate("""([x, y]) => {
+    position = page.evaluate(
+        """([x, y]) => {
         const plot = document.querySelector('.js-plotly-plot'), layout = plot._fullLayout;
         const box = plot.querySelector('.plot-container .nsewdrag').getBoundingClientRect();
         return [box.left + layout.xaxis.d2p(x), box.top + layout.yaxis.d2p(y)];
-    }""", [number, mass])
+    }""",
+        [number, mass],
+    )
     page.mouse.move(*position)
     page.wait_for_timeout(300)
     began = time.monotonic()
     page.mouse.click(*position)
-    page.get_by_text(point_words(m, row, column)).wait_for(timeout=60_000)  # the caption comes last and names the point
+    page.get_by_text(point_words(m, row, column)).wait_for(
+        timeout=60_000
+    )  # the caption comes last and names the point
     return time.monotonic() - began
 
 

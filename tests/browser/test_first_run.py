@@ -1,4 +1,6 @@
-"""A fresh machine in real Chromium: an answer that is known stands there at once, the solve takes its place by itself."""
+"""A fresh machine in real Chromium: an answer that is known stands there at once, the solve takes
+its place by itself.
+"""
 
 import os
 from unittest.mock import patch
@@ -13,10 +15,16 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 
 def test_what_is_known_gives_way_to_the_solve(chromium, tmp_path):
-    """With an empty kernel folder: this compiles the solver once more, by a process of the server's."""
+    """With an empty kernel folder: this compiles the solver once more, by a process of the
+    server's.
+    """
     tools, m = _pictures(), load_reference_map()
     cell = m.nearest(18.0, 4.5)
-    with patch.dict(os.environ, NUMBA_CACHE_DIR=str(tmp_path)), tools.dashboard() as address, tools.browser_page() as page:
+    with (
+        patch.dict(os.environ, NUMBA_CACHE_DIR=str(tmp_path)),
+        tools.dashboard() as address,
+        tools.browser_page() as page,
+    ):
         page.goto(f"{address}/?bearing_number=4.5&rotor_mass=18")
         page.get_by_text(m.cell_text(*cell)).wait_for(timeout=60_000)
         page.get_by_text(f"some {compiling.SECONDS} s in all").wait_for()
@@ -27,7 +35,9 @@ def test_what_is_known_gives_way_to_the_solve(chromium, tmp_path):
         OUTPUT.mkdir(exist_ok=True)
         page.screenshot(path=OUTPUT / "first_run_known.png")
         old = page.get_by_text("s so far").inner_text()  # counts on by itself
-        page.wait_for_function("old => !document.body.innerText.includes(old)", arg=old, timeout=60_000)
+        page.wait_for_function(
+            "old => !document.body.innerText.includes(old)", arg=old, timeout=60_000
+        )
         page.get_by_role("link", name="Model ranking").click()  # another page answers meanwhile
         page.get_by_text("Which model predicts the map best?").wait_for(timeout=60_000)
         page.get_by_role("link", name="Stability map").first.click()

@@ -1,4 +1,7 @@
-"""A designer's way through the pages in real Chromium, and every page on a telephone's width. Pictures go to test-output/."""
+"""A designer's way through the pages in real Chromium, and every page on a telephone's width.
+
+Pictures go to test-output/.
+"""
 
 import importlib.util
 import io
@@ -21,7 +24,9 @@ NUMBER, MASS = 4.5, 18.0  # in the chaotic band
 
 @pytest.fixture(scope="module")
 def tools():
-    spec = importlib.util.spec_from_file_location("take_pictures", ROOT / "docs" / "take_pictures.py")
+    spec = importlib.util.spec_from_file_location(
+        "take_pictures", ROOT / "docs" / "take_pictures.py"
+    )
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     OUTPUT.mkdir(exist_ok=True)
@@ -58,23 +63,31 @@ class Watched:
         return page
 
     def _console(self, entry):
-        # on an address with a page's name Streamlit looks for its server below that name first, and tells the 404
-        if entry.type == "error" and not ("404" in entry.text and "/_stcore/" in entry.location["url"]):
+        # on an address with a page's name Streamlit looks for its server below that name first, and
+        # tells the 404
+        if entry.type == "error" and not (
+            "404" in entry.text and "/_stcore/" in entry.location["url"]
+        ):
             self.messages.append(f"{entry.text} {entry.location}")
 
     def check(self):
         assert not self.messages, self.messages
         allowed = (f"{self.address}/", self.address.replace("http", "ws") + "/", "data:", "blob:")
-        assert self.requests and all(url.startswith(allowed) for url in self.requests), self.requests
+        assert self.requests and all(url.startswith(allowed) for url in self.requests), (
+            self.requests
+        )
 
 
 def click_cell(page, number, mass, axis=""):
     """Click a cell in the first figure's subplot with these axes."""
-    position = page.evaluate("""([x, y, axis]) => {
+    position = page.evaluate(
+        """([x, y, axis]) => {
         const plot = document.querySelector('.js-plotly-plot'), layout = plot._fullLayout;
         const box = plot.querySelector(`.nsewdrag[data-subplot="x${axis}y${axis}"]`).getBoundingClientRect();
         return [box.left + layout['xaxis' + axis].d2p(x), box.top + layout['yaxis' + axis].d2p(y)];
-    }""", [number, mass, axis])
+    }""",
+        [number, mass, axis],
+    )
     page.mouse.move(*position)
     page.wait_for_timeout(300)
     page.mouse.click(*position)
@@ -111,12 +124,16 @@ def test_journey(address, tools):
 
         go_to(page, tools, "Bifurcation")
         at_point(page)
-        page.get_by_text("Over rotor mass at Λ = 4.5").first.wait_for()  # the line through the point, not the paper's
+        page.get_by_text(
+            "Over rotor mass at Λ = 4.5"
+        ).first.wait_for()  # the line through the point, not the paper's
         page.screenshot(path=OUTPUT / "journey_3_bifurcation.png")
 
         go_to(page, tools, "Surrogate map")
         at_point(page)
-        page.get_by_role("radio", name="n/4").or_(page.get_by_role("button", name="n/4")).first.click()
+        page.get_by_role("radio", name="n/4").or_(
+            page.get_by_role("button", name="n/4")
+        ).first.click()
         page.wait_for_url("**divisor=4**")
         tools.settled(page)
         other = m.nearest(12.0, 6.0)
@@ -130,13 +147,19 @@ def test_journey(address, tools):
         page.screenshot(path=OUTPUT / "journey_4_surrogate.png")
 
         page.get_by_test_id("stPopoverButton").filter(has_text="Download").click()
-        for label, name in (("Predicted map, CSV", "surrogate_predicted_map.csv"), ("Data, NPZ", "surrogate.npz")):
+        for label, name in (
+            ("Predicted map, CSV", "surrogate_predicted_map.csv"),
+            ("Data, NPZ", "surrogate.npz"),
+        ):
             with page.expect_download() as found:
                 page.get_by_role("button", name=label).click()
             assert found.value.suggested_filename == name
             data = found.value.path().read_bytes()
-            mle = (np.load(io.BytesIO(data))["mle"].ravel() if name.endswith("npz")
-                   else pd.read_csv(io.BytesIO(data))["predicted_mle"])
+            mle = (
+                np.load(io.BytesIO(data))["mle"].ravel()
+                if name.endswith("npz")
+                else pd.read_csv(io.BytesIO(data))["predicted_mle"]
+            )
             assert np.allclose(mle, predicted.mle.ravel(), equal_nan=True)
         page.keyboard.press("Escape")
 
@@ -158,9 +181,13 @@ def test_journey(address, tools):
 
 
 def test_leaving_a_page_while_its_job_works(own_page, tools, tmp_path):
-    """Away and back: the same view, the same job at work, nothing asked for twice; cancelled it is shown as cancelled."""
+    """Away and back: the same view, the same job at work, nothing asked for twice; cancelled it is
+    shown as cancelled.
+    """
     page, address = own_page
-    page.goto(f"{address}/Bifurcation?bearing_number={NUMBER:g}&rotor_mass={MASS:g}&points=2000&sweeps=cold,up")
+    page.goto(
+        f"{address}/Bifurcation?bearing_number={NUMBER:g}&rotor_mass={MASS:g}&points=2000&sweeps=cold,up"
+    )
     tools.settled(page)
     page.get_by_role("button", name="Compute 4,000 points").click()
     page.get_by_role("button", name="Cancel").wait_for(timeout=60_000)
@@ -174,16 +201,25 @@ def test_leaving_a_page_while_its_job_works(own_page, tools, tmp_path):
     page.get_by_text("Cancelled at").wait_for(timeout=60_000)
     page.get_by_role("button", name="Go on").wait_for()
     page.screenshot(path=OUTPUT / "cancelled.png")
-    assert len([folder for folder in tmp_path.iterdir() if folder.name.startswith("bifurcation")]) == 1
+    assert (
+        len([folder for folder in tmp_path.iterdir() if folder.name.startswith("bifurcation")]) == 1
+    )
 
 
 def test_an_emptied_field_keeps_its_value(address, tools):
     watched = Watched(address)
     with tools.browser_page() as page:
         watched.add(page)
-        for place, label in (("", "Rotor mass, kg"), ("Operating_point", "Rotor mass, kg"), ("What_if", "Rotor mass, kg"),
-                             ("Bifurcation", "From, kg"), ("My_map", "Minutes")):
-            page.goto(f"{address}/{place}?bearing_number={NUMBER:g}&rotor_mass={MASS:g}&mass_from=3&own_minutes=7")
+        for place, label in (
+            ("", "Rotor mass, kg"),
+            ("Operating_point", "Rotor mass, kg"),
+            ("What_if", "Rotor mass, kg"),
+            ("Bifurcation", "From, kg"),
+            ("My_map", "Minutes"),
+        ):
+            page.goto(
+                f"{address}/{place}?bearing_number={NUMBER:g}&rotor_mass={MASS:g}&mass_from=3&own_minutes=7"
+            )
             tools.settled(page)
             field = page.get_by_label(label, exact=True)
             before = field.input_value()
@@ -196,7 +232,9 @@ def test_an_emptied_field_keeps_its_value(address, tools):
 
 
 def test_a_click_on_my_map_tells_the_margin_of_the_cell(own_page, tools):
-    """A small plane is mapped by a real job; a click on a cell, also on the dot of a solved one, moves point and margin."""
+    """A small plane is mapped by a real job; a click on a cell, also on the dot of a solved one,
+    moves point and margin.
+    """
     page, address = own_page
     page.goto(f"{address}/My_map?bearing_number=3&rotor_mass=6")
     tools.settled(page)
@@ -223,7 +261,10 @@ def test_every_page_on_a_narrow_screen(address, tools):
             page.goto(f"{address}/{place}?bearing_number={NUMBER:g}&rotor_mass={MASS:g}")
             tools.settled(page)
             page.screenshot(path=OUTPUT / f"narrow_{name}.png")
-            assert "Traceback" not in page.inner_text("body") and not page.locator("[data-testid='stException']").count()
+            assert (
+                "Traceback" not in page.inner_text("body")
+                and not page.locator("[data-testid='stException']").count()
+            )
             over = page.evaluate("""() => [document.scrollingElement, document.querySelector("[data-testid='stMain']")]
                 .map(box => box.scrollWidth - box.clientWidth)""")
             if max(over) > 0:

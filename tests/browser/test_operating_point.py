@@ -1,4 +1,6 @@
-"""The operating point in real Chromium: from the map to it, a new verdict at once, every tab drawn, the film moves."""
+"""The operating point in real Chromium: from the map to it, a new verdict at once, every tab drawn,
+the film moves.
+"""
 
 import time
 
@@ -14,7 +16,9 @@ def test_the_operating_point(chromium):
     tools, messages, requests = _pictures(), [], []
     OUTPUT.mkdir(exist_ok=True)
     with tools.dashboard() as address, tools.browser_page() as page:
-        page.on("console", lambda entry: messages.append(entry.text) if entry.type == "error" else None)
+        page.on(
+            "console", lambda entry: messages.append(entry.text) if entry.type == "error" else None
+        )
         page.on("pageerror", lambda error: messages.append(str(error)))
         page.on("request", lambda request: requests.append(request.url))
         page.goto(address)
@@ -25,8 +29,11 @@ def test_the_operating_point(chromium):
         metric = page.locator("[data-testid=stMetricValue]").first
         before, began = metric.inner_text(), time.monotonic()
         page.locator("[data-testid=stNumberInputStepUp]").first.click()
-        page.wait_for_function("old => document.querySelector('[data-testid=stMetricValue]').innerText !== old", arg=before,
-                               timeout=30_000)
+        page.wait_for_function(
+            "old => document.querySelector('[data-testid=stMetricValue]').innerText !== old",
+            arg=before,
+            timeout=30_000,
+        )
         print(f"click to verdict: {time.monotonic() - began:.2f} s")
 
         for name in POINT_TABS:
@@ -34,16 +41,23 @@ def test_the_operating_point(chromium):
             page.wait_for_selector("[data-testid=stTabs] .js-plotly-plot .main-svg", timeout=60_000)
             page.wait_for_selector("[data-testid=stStatusWidget]", state="detached", timeout=60_000)
             page.wait_for_timeout(1500)
-            page.screenshot(path=OUTPUT / f"point_{name.replace(' ', '_').lower()}.png", timeout=120_000)
+            page.screenshot(
+                path=OUTPUT / f"point_{name.replace(' ', '_').lower()}.png", timeout=120_000
+            )
 
         page.get_by_role("tab", name="Film 3-D").click()
         label = page.locator(".slider-label").first
         label.wait_for(timeout=60_000)
         assert label.text_content().startswith("shaft angle 0")
         page.locator(".updatemenu-button").first.click(no_wait_after=True)
-        page.wait_for_function("() => parseInt(document.querySelector('.slider-label').textContent.slice(12)) >= 30",
-                               timeout=120_000)
+        page.wait_for_function(
+            "() => parseInt(document.querySelector('.slider-label').textContent.slice(12)) >= 30",
+            timeout=120_000,
+        )
         copied = page.url
     assert "tab=Film" in copied and "bearing_number=3.5" in copied
     assert not messages, messages
-    assert all(url.startswith((address, address.replace("http", "ws"), "data:", "blob:")) for url in requests), requests
+    assert all(
+        url.startswith((address, address.replace("http", "ws"), "data:", "blob:"))
+        for url in requests
+    ), requests

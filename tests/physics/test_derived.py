@@ -1,4 +1,6 @@
-"""Derived numbers: gas is conserved, the flow of a concentric fed bearing by hand, groups, failures as a status."""
+"""Derived numbers: gas is conserved, the flow of a concentric fed bearing by hand, groups, failures
+as a status.
+"""
 
 import math
 
@@ -20,18 +22,21 @@ MESH = Mesh(4, 24)
 @pytest.mark.parametrize("name", PRESETS)
 def test_what_the_wall_feeds_leaves_through_the_edges(name):
     p = preset(name)
-    flow = derive(p.design, p.rotor_mass, p.design.bearing_number(p.speed_rpm * math.pi / 30.0), MESH).gas_flow
+    flow = derive(
+        p.design, p.rotor_mass, p.design.bearing_number(p.speed_rpm * math.pi / 30.0), MESH
+    ).gas_flow
     assert flow.wall == pytest.approx(flow.edges, rel=1e-9)
     if p.design.bearing.supply_pressure_ratio > 1.0:
         assert flow.normal_litres > 1.0
-    else:  # drawn in at the edges where the load opens the film, pressed out through the wall under it
+    # drawn in at the edges where the load opens the film, pressed out through the wall under it
+    else:
         assert -0.1 < flow.normal_litres < 0.0
 
 
 def test_flow_of_the_concentric_bearing():
-    """At rest at the centre the film is one-dimensional: (cos l Q'/2)'/cos l + beta (P_s² - Q) = 0, Q = 1 at the edge, solved
-    with scipy. Through the film flows h³/(12 mu) P dp/dx = C³ p_a/(24 mu R) Q' per length, at ambient pressure; each edge is
-    2 pi R cos l_e long."""
+    """At rest at the centre the film is one-dimensional: (cos l Q'/2)'/cos l + beta (P_s² - Q) = 0,
+    Q = 1 at the edge, solved with scipy. Through the film flows h³/(12 mu) P dp/dx = C³ p_a/(24 mu
+    R) Q' per length, at ambient pressure; each edge is 2 pi R cos l_e long."""
     d = fed_design(30, 5.0, 1.0, rotor__gravity=0.0)
     b, g, edge, beta, fed = d.bearing, d.gas, math.radians(30.0), d.feeding_number, 25.0
 
@@ -39,7 +44,13 @@ def test_flow_of_the_concentric_bearing():
         return np.array([2.0 * v[1] / np.cos(l), -beta * np.cos(l) * (fed - v[0])])
 
     grid = np.linspace(0.0, edge, 50)
-    found = solve_bvp(slope, lambda a, e: np.array([a[1], e[0] - 1.0]), grid, np.array([1.0 + 0 * grid, -grid]), tol=1e-9)
+    found = solve_bvp(
+        slope,
+        lambda a, e: np.array([a[1], e[0] - 1.0]),
+        grid,
+        np.array([1.0 + 0 * grid, -grid]),
+        tol=1e-9,
+    )
     unit = b.clearance**3 * g.ambient_pressure / (12.0 * g.viscosity * b.radius)
     out = -2.0 * 2.0 * math.pi * b.radius * unit * found.y[1, -1]
     flow = derive(d, 1.0, 2.0, MESH).gas_flow
@@ -52,14 +63,20 @@ def test_numbers_agree_with_their_own_commands(design):
     found = derive(design, 4.52, 3.0, MESH)
     rest = static_equilibrium(design, 4.52, 3.0, MESH)
     # derive keeps BLAS on one thread, the other has all: the same solve, rounded in another order
-    assert found.status == "ok" and found.eccentricity == pytest.approx(rest.eccentricity, rel=1e-12)
+    assert found.status == "ok" and found.eccentricity == pytest.approx(
+        rest.eccentricity, rel=1e-12
+    )
     assert found.attitude_angle == pytest.approx(rest.attitude_angle, rel=1e-12)
     assert found.least_film == pytest.approx(35e-6 * (1.0 - rest.eccentricity))
     leading = linear_spectrum(design, 4.52, 3.0, MESH)[0][0]
-    assert found.whirl.growth == pytest.approx(2.0 * math.pi * leading.real) and not found.whirl.stable
+    assert (
+        found.whirl.growth == pytest.approx(2.0 * math.pi * leading.real) and not found.whirl.stable
+    )
     assert found.whirl.speed_rpm == pytest.approx(abs(leading.imag) * design.speed_rpm(3.0))
     assert found.balance_grade == pytest.approx(0.8 * 13e-3 * design.speed(3.0))
-    assert found.mass_number == design.mass_number(4.52, 3.0) and found.load_number == design.load_number(4.52)
+    assert found.mass_number == design.mass_number(
+        4.52, 3.0
+    ) and found.load_number == design.load_number(4.52)
 
 
 def test_stiffness_of_an_unloaded_journal(design):

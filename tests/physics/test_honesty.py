@@ -1,8 +1,9 @@
-"""Numbers over the whole allowed ranges: twenty of the random designs of benchmarks/honesty.py, which says what is promised.
+"""Numbers over the whole allowed ranges: twenty of the random designs of benchmarks/honesty.py,
+which says what is promised.
 
-Source of the conservation law: docs/model.md (the discrete Reynolds equation is in flux form). Halving the step needs none:
-the method is of order 4, so that a sixteenth of the tolerance halves the step.
-"""
+Source of the conservation law: docs/model.md (the discrete Reynolds equation is in flux form).
+Halving the step needs none: the method is of order 4, so that a sixteenth of the tolerance halves
+the step."""
 
 import csv
 import dataclasses
@@ -29,7 +30,11 @@ _spec.loader.exec_module(honesty)
 CASES = range(60, 80)  # every status among them
 KEPT = ROOT / "tests" / "physics" / "honesty_cases.csv"
 SLOW = ("94", "634")  # ten seconds and more
-CHANCE = ("651",)  # transient chaos: the last bit of a sum decides whether it ends on the wall or leaves for a quiet orbit
+CHANCE = (
+    "651",
+    # transient chaos: the last bit of a sum decides whether it ends on the wall or leaves for a quiet
+    # orbit
+)
 
 
 @pytest.fixture(scope="module")
@@ -48,18 +53,28 @@ def test_the_cases_are_not_all_of_one_kind(outcomes):
 
 def test_gas_that_is_lost_would_be_seen(design, monkeypatch):
     """A thousandth of the wall's flow left out of the count is found."""
-    point = solve_point(design.replace(bearing__permeability=1e-13, bearing__supply_pressure_ratio=5.0), 4.0, 3.0,
-                        honesty.SETTINGS)
+    point = solve_point(
+        design.replace(bearing__permeability=1e-13, bearing__supply_pressure_ratio=5.0),
+        4.0,
+        3.0,
+        honesty.SETTINGS,
+    )
     assert honesty.gas_lost(point) < 1e-8
     fluxes = honesty.film_fluxes
-    monkeypatch.setattr(honesty, "film_fluxes", lambda *given: (f := fluxes(*given)) | {"wall": f["wall"] * (1.0 - 1e-3)})
+    monkeypatch.setattr(
+        honesty,
+        "film_fluxes",
+        lambda *given: (f := fluxes(*given)) | {"wall": f["wall"] * (1.0 - 1e-3)},
+    )
     assert honesty.gas_lost(point) > honesty.CONSERVED
 
 
 def test_a_changed_exponent_would_be_seen(design):
     point = solve_point(design, 4.0, 3.0, honesty.SETTINGS)
     assert not honesty.compare(point, point)
-    other = dataclasses.replace(point, mle=dataclasses.replace(point.mle, value=1.1 * point.mle.value - 0.02))
+    other = dataclasses.replace(
+        point, mle=dataclasses.replace(point.mle, value=1.1 * point.mle.value - 0.02)
+    )
     assert honesty.compare(point, other)
 
 
@@ -67,13 +82,15 @@ def test_draws_fill_the_ranges():
     drawn = [honesty.draw(seed) for seed in range(200)]
     masses = np.log10([mass for _, mass, _ in drawn])
     assert masses.min() < -2.7 and masses.max() > 2.7
-    assert any(d.rigid for d, _, _ in drawn) and any(d.bearing.permeability == 0.0 for d, _, _ in drawn)
+    assert any(d.rigid for d, _, _ in drawn) and any(
+        d.bearing.permeability == 0.0 for d, _, _ in drawn
+    )
     assert 40 < sum(d.bearing.supply_pressure_ratio == 1.0 for d, _, _ in drawn) < 80
 
 
 def test_the_designs_that_once_broke_a_promise_are_refused_by_a_sentence_or_keep_it_now():
-    """The twelve of 370 that were wrong and the four too slow (wide-...), when ranges had fifteen decades, and some found
-    in today's ranges before the solver was mended; values written out."""
+    """The twelve of 370 that were wrong and the four too slow (wide-...), when ranges had fifteen
+    decades, and some found in today's ranges before the solver was mended; values written out."""
     refused, solved = [], {}
     for row in csv.DictReader(KEPT.read_text("utf-8").splitlines()):
         parts: dict[str, dict[str, float]] = {}
@@ -88,7 +105,9 @@ def test_the_designs_that_once_broke_a_promise_are_refused_by_a_sentence_or_keep
             refused.append(row["case"])
             continue
         if row["case"] not in SLOW:
-            solved[row["case"]], broken, _ = honesty.check(design, float(row["rotor_mass"]), float(row["bearing_number"]))
+            solved[row["case"]], broken, _ = honesty.check(
+                design, float(row["rotor_mass"]), float(row["bearing_number"])
+            )
             if row["case"] in CHANCE:
                 broken = [words for words in broken if "with half the step" not in words]
                 assert solved[row["case"]] in ("ok", "touchdown")
@@ -99,7 +118,10 @@ def test_the_designs_that_once_broke_a_promise_are_refused_by_a_sentence_or_keep
 
 @pytest.mark.parametrize("mass, number", [(4.0, 1.0), (0.2, 5.87)])
 def test_a_vibration_far_faster_than_the_shaft_has_the_rate_of_linear_theory(mass, number):
-    """The fed spindle with little unbalance: eigenvalues at rest (docs/numerics.md). Long steps made -1.338 of -1.034."""
+    """The fed spindle with little unbalance: eigenvalues at rest (docs/numerics.md).
+
+    Long steps made -1.338 of -1.034.
+    """
     design = preset("fed_spindle").design
     whirl = least_stable_whirl(impedance(design, mass, number, Mesh(4, 24)))
     assert whirl.imag > 20.0
@@ -110,15 +132,24 @@ def test_a_vibration_far_faster_than_the_shaft_has_the_rate_of_linear_theory(mas
 
 
 def test_near_the_wall_steps_are_finer(design):
-    """Two loads that press the journal to either side of the eccentricity from which on the tolerance is a sixteenth."""
+    """Two loads that press the journal to either side of the eccentricity from which on the
+    tolerance is a sixteenth.
+    """
     soft = design.replace(contact__force_at_closure=10.0)
-    far, near = (solve_point(soft.replace(rotor__gravity=g), 12.0, 2.0, honesty.SETTINGS).trajectory for g in (60.0, 120.0))
+    far, near = (
+        solve_point(soft.replace(rotor__gravity=g), 12.0, 2.0, honesty.SETTINGS).trajectory
+        for g in (60.0, 120.0)
+    )
     assert 0.95 < far.peak.max() < THIN < near.peak.max() < 0.98
     assert near.steps / near.completed > 1.7 * far.steps / far.completed
 
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_the_slowest_and_lightest_point_of_every_preset_is_solved(name):
-    """The corner of the allowed plane where rotors vibrate fastest over the shaft speed, a quarter of a million times."""
-    point = solve_point(PRESETS[name].design, ROTOR_MASS_RANGE[0], BEARING_NUMBER_RANGE[0], honesty.SETTINGS)
+    """The corner of the allowed plane where rotors vibrate fastest over the shaft speed, a quarter
+    of a million times.
+    """
+    point = solve_point(
+        PRESETS[name].design, ROTOR_MASS_RANGE[0], BEARING_NUMBER_RANGE[0], honesty.SETTINGS
+    )
     assert point.regime.text == "periodic-1"

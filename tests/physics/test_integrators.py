@@ -1,4 +1,6 @@
-"""The integrators against scipy's Radau on the same semi-discrete equations, against each other, and in order."""
+"""The integrators against scipy's Radau on the same semi-discrete equations, against each other,
+and in order.
+"""
 
 import numpy as np
 import pytest
@@ -20,7 +22,9 @@ def _spun_up(make_run, point, **options):
 
 
 def _radau(run, revolutions):
-    """States at the end of each revolution by scipy's Radau, rtol 1e-10, with the analytic Jacobian."""
+    """States at the end of each revolution by scipy's Radau, rtol 1e-10, with the analytic
+    Jacobian.
+    """
     unknowns = run.unknowns
     state = run.memory.state.copy()
     work, out, out_v = run.memory.work, np.zeros_like(state), np.zeros_like(state)
@@ -43,8 +47,16 @@ def _radau(run, revolutions):
         return columns
 
     ends = 2.0 * np.pi * (run.done + np.arange(revolutions + 1))
-    answer = solve_ivp(f, (ends[0], ends[-1]), run.memory.state[unknowns], "Radau", ends[1:], rtol=1e-10, atol=1e-11,
-                       jac=jacobian)
+    answer = solve_ivp(
+        f,
+        (ends[0], ends[-1]),
+        run.memory.state[unknowns],
+        "Radau",
+        ends[1:],
+        rtol=1e-10,
+        atol=1e-11,
+        jac=jacobian,
+    )
     assert answer.success
     return answer.y[-8:].T
 
@@ -73,7 +85,8 @@ def test_dtm_agrees_with_rodas_at_small_steps(make_run, point):
     taylor = make_run(*POINTS[point], mesh=Mesh(3, 24), method="dtm").start_from(start)
     _, b = taylor.go(3, 1e-8, tangent=True)
     assert np.abs(a.section - b.section).max() < 1e-6
-    # two tangent flows that share no formula: derivative of the implicit step, and Taylor recurrences
+    # two tangent flows that share no formula: derivative of the implicit step, and Taylor
+    # recurrences
     assert np.abs(a.growth - b.growth).max() < 1e-6
 
 
@@ -98,11 +111,15 @@ def test_rodas_is_of_order_four(make_run):
 
 
 def test_tangent_of_rodas_is_of_order_four(make_run):
-    assert _order(make_run, "rodas", (64, 128, 256), tangent=True)[-1] == pytest.approx(4.0, abs=0.4)
+    assert _order(make_run, "rodas", (64, 128, 256), tangent=True)[-1] == pytest.approx(
+        4.0, abs=0.4
+    )
 
 
 def test_dtm_is_of_its_order(make_run):
-    """Order 6; seen on a coarse film at high speed, where the stability limit leaves room for an error."""
+    """Order 6; seen on a coarse film at high speed, where the stability limit leaves room for an
+    error.
+    """
     order = _order(make_run, "dtm", (30, 45, 60), point=(4.0, 8.0), mesh=Mesh(2, 8))
     assert order[-1] == pytest.approx(6.0, abs=0.4), order
 

@@ -1,8 +1,8 @@
-"""The exponent's machinery on systems whose exponents are known; the code path is the rotor's own (``integrate.bind``).
+"""The exponent's machinery on systems whose exponents are known; the code path is the rotor's own
+(``integrate.bind``).
 
-Values in natural logarithm: Lorenz 0.9056 per unit time, Hénon 0.4192 per step (Sprott, Chaos and Time-Series Analysis,
-2003, appendix A); Duffing and Ueda as in docs/model.md.
-"""
+Values in natural logarithm: Lorenz 0.9056 per unit time, Hénon 0.4192 per step (Sprott, Chaos and
+Time-Series Analysis, 2003, appendix A); Duffing and Ueda as in docs/model.md."""
 
 import functools
 import math
@@ -62,9 +62,8 @@ def dense_solve(system, work, r):
 def system_of(slope, jacobian, curvature, force_rate):
     """Compiled advance() for a small dense system.
 
-    slope(p, t, u, out), jacobian(p, u, out), curvature(p, u, v, w, out) and force_rate(p, t, out), the partial time derivative,
-    fill ``out``, which holds zeros; p is what ``growth`` hands on.
-    """
+    slope(p, t, u, out), jacobian(p, u, out), curvature(p, u, v, w, out) and force_rate(p, t, out),
+    the partial time derivative, fill ``out``, which holds zeros; p is what ``growth`` hands on."""
     slope, jacobian, curvature, force_rate = map(njit, (slope, jacobian, curvature, force_rate))
 
     @njit
@@ -104,8 +103,18 @@ def system_of(slope, jacobian, curvature, force_rate):
         for i in range(N):
             out[i] += scale * work[2, 0, i]
 
-    return bind(advance, slope=plain, slope_tangent=both, time_slope=rate, linearise=matrix, solve=dense_solve,
-                prepare_curvature=nothing, add_curvature=bend, error_norm=largest, observe=no_touchdown)
+    return bind(
+        advance,
+        slope=plain,
+        slope_tangent=both,
+        time_slope=rate,
+        linearise=matrix,
+        solve=dense_solve,
+        prepare_curvature=nothing,
+        add_curvature=bend,
+        error_norm=largest,
+        observe=no_touchdown,
+    )
 
 
 def growth(advance, start, periods, discard, period, tolerance=1e-6, system=(0.0,)):
@@ -122,7 +131,11 @@ def growth(advance, start, periods, discard, period, tolerance=1e-6, system=(0.0
 
 def test_lorenz():
     def slope(p, t, u, out):
-        out[0], out[1], out[2] = 10.0 * (u[1] - u[0]), u[0] * (28.0 - u[2]) - u[1], u[0] * u[1] - 8.0 / 3.0 * u[2]
+        out[0], out[1], out[2] = (
+            10.0 * (u[1] - u[0]),
+            u[0] * (28.0 - u[2]) - u[1],
+            u[0] * u[1] - 8.0 / 3.0 * u[2],
+        )
 
     def jacobian(p, u, out):
         out[0, 0], out[0, 1] = -10.0, 10.0
@@ -135,17 +148,25 @@ def test_lorenz():
     def force_rate(p, t, out):
         return
 
-    found = growth(system_of(slope, jacobian, curvature, force_rate), [1.0, 1.0, 20.0], 3000, 50, 1.0, 1e-5)
+    found = growth(
+        system_of(slope, jacobian, curvature, force_rate), [1.0, 1.0, 20.0], 3000, 50, 1.0, 1e-5
+    )
     assert found.value == pytest.approx(0.9056, abs=max(0.005, 3.0 * found.standard_error))
     assert found.standard_error < 0.005
 
 
 @functools.cache
 def oscillator():
-    """x'' = -linear x - cubic x³ - damping x' + force sin(frequency t), compiled once for all values."""
+    """x'' = -linear x - cubic x³ - damping x' + force sin(frequency t), compiled once for all
+    values.
+    """
+
     def slope(p, t, u, out):
         linear, cubic, damping, force, frequency = p
-        out[0], out[1] = u[1], -linear * u[0] - cubic * u[0] ** 3 - damping * u[1] + force * math.sin(frequency * t)
+        out[0], out[1] = (
+            u[1],
+            -linear * u[0] - cubic * u[0] ** 3 - damping * u[1] + force * math.sin(frequency * t),
+        )
 
     def jacobian(p, u, out):
         out[0, 1], out[1, 0], out[1, 1] = 1.0, -p[0] - 3.0 * p[1] * u[0] ** 2, -p[2]
@@ -159,10 +180,14 @@ def oscillator():
     return system_of(slope, jacobian, curvature, force_rate)
 
 
-@pytest.mark.parametrize("name, parameters, expected, band", [
-    ("Duffing x'' = x - x³ - 0.25 x' + 0.4 sin t", (-1.0, 1.0, 0.25, 0.4, 1.0), 0.156, 0.002),
-    ("Ueda x'' = -x³ - 0.05 x' + 7.5 sin t", (0.0, 1.0, 0.05, 7.5, 1.0), 0.104, 0.001),
-], ids=["Duffing", "Ueda"])
+@pytest.mark.parametrize(
+    "name, parameters, expected, band",
+    [
+        ("Duffing x'' = x - x³ - 0.25 x' + 0.4 sin t", (-1.0, 1.0, 0.25, 0.4, 1.0), 0.156, 0.002),
+        ("Ueda x'' = -x³ - 0.05 x' + 7.5 sin t", (0.0, 1.0, 0.05, 7.5, 1.0), 0.104, 0.001),
+    ],
+    ids=["Duffing", "Ueda"],
+)
 def test_forced_oscillators(name, parameters, expected, band):
     found = growth(oscillator(), [0.1, 0.1], 40_000, 100, 2.0 * math.pi, 1e-6, parameters)
     value, error = found.value / (2.0 * math.pi), found.standard_error / (2.0 * math.pi)
@@ -172,12 +197,15 @@ def test_forced_oscillators(name, parameters, expected, band):
 
 def test_linear_system_with_known_exponent():
     """A damped forced linear oscillator: both exponents are half the divergence, -damping/2."""
-    found = growth(oscillator(), [0.1, 0.1], 1000, 20, 2.0 * math.pi, 1e-8, (2.0, 0.0, 0.3, 1.0, 1.0))
+    found = growth(
+        oscillator(), [0.1, 0.1], 1000, 20, 2.0 * math.pi, 1e-8, (2.0, 0.0, 0.3, 1.0, 1.0)
+    )
     assert found.value / (2.0 * math.pi) == pytest.approx(-0.15, abs=1e-4)
 
 
 def test_unforced_limit_cycle_has_exponent_zero():
     """Van der Pol: the phase along the cycle neither grows nor shrinks."""
+
     def slope(p, t, u, out):
         out[0], out[1] = u[1], (1.0 - u[0] ** 2) * u[1] - u[0]
 
@@ -190,12 +218,15 @@ def test_unforced_limit_cycle_has_exponent_zero():
     def force_rate(p, t, out):
         return
 
-    found = growth(system_of(slope, jacobian, curvature, force_rate), [1.0, 0.0], 500, 50, 2.0 * math.pi)
+    found = growth(
+        system_of(slope, jacobian, curvature, force_rate), [1.0, 0.0], 500, 50, 2.0 * math.pi
+    )
     assert found.value == pytest.approx(0.0, abs=0.002)
 
 
 def test_henon_map():
     """A map through the same driver: one step a period replaces the Rosenbrock step."""
+
     @njit
     def henon(system, work, stages, t, h, u, v, with_tangent):
         stages[12, 0], stages[12, 1] = 1.0 - 1.4 * u[0] ** 2 + u[1], 0.3 * u[0]

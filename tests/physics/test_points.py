@@ -1,9 +1,9 @@
 """Whole operating points of the reference design against an independent code (docs/model.md).
 
-That code used finite volumes with central differences on 6x24, 8x32 and 12x48 half bands, explicit steps and two
-trajectories for the exponent. Our ``plain`` scheme has the same differences and must land in its bands. Two of its ten
-rows move when the mesh is refined further; the last tests show where to, and that the default scheme is already there.
-"""
+That code used finite volumes with central differences on 6x24, 8x32 and 12x48 half bands, explicit
+steps and two trajectories for the exponent. Our ``plain`` scheme has the same differences and must
+land in its bands. Two of its ten rows move when the mesh is refined further; the last tests show
+where to, and that the default scheme is already there."""
 
 import dataclasses
 
@@ -46,17 +46,23 @@ def test_same_differences_give_the_independent_values(design, row):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("row", [r for r in TABLE if r[:2] not in MESH_DEPENDENT], ids=lambda r: f"{r[0]}kg-L{r[1]}")
+@pytest.mark.parametrize(
+    "row", [r for r in TABLE if r[:2] not in MESH_DEPENDENT], ids=lambda r: f"{r[0]}kg-L{r[1]}"
+)
 def test_default_settings_give_the_independent_values(design, row):
     _check(design, row, Settings())
 
 
 @pytest.mark.slow
 def test_half_speed_lock_is_the_limit_of_the_plain_scheme(design):
-    """(4.52 kg, Lambda 3): quasi-periodic on coarse plain meshes only. Refined around, the plain scheme turns to period 2
-    and its exponent approaches that of the fitted scheme, which moves by less than 0.002 from 4x40 to 4x96."""
+    """(4.52 kg, Lambda 3): quasi-periodic on coarse plain meshes only. Refined around, the plain
+    scheme turns to period 2 and its exponent approaches that of the fitted scheme, which moves by
+    less than 0.002 from 4x40 to 4x96."""
+
     def solve(azimuth, scheme):
-        return solve_point(design, 4.52, 3.0, Settings(mesh=Mesh(4, azimuth), scheme=scheme, revolutions=150))
+        return solve_point(
+            design, 4.52, 3.0, Settings(mesh=Mesh(4, azimuth), scheme=scheme, revolutions=150)
+        )
 
     plain = [solve(n, "plain") for n in (96, 160)]
     fitted = [solve(n, "fitted") for n in (40, 96)]
@@ -69,9 +75,14 @@ def test_half_speed_lock_is_the_limit_of_the_plain_scheme(design):
 
 @pytest.mark.slow
 def test_weak_damping_near_half_speed_converges_to_the_fitted_value(design):
-    """(4.52 kg, Lambda 1.5): the plain scheme's -0.050 on coarse meshes goes to about -0.032, where the fitted one is."""
+    """(4.52 kg, Lambda 1.5): the plain scheme's -0.050 on coarse meshes goes to about -0.032, where
+    the fitted one is.
+    """
+
     def solve(azimuth, scheme):
-        return solve_point(design, 4.52, 1.5, Settings(mesh=Mesh(4, azimuth), scheme=scheme, revolutions=200)).mle.value
+        return solve_point(
+            design, 4.52, 1.5, Settings(mesh=Mesh(4, azimuth), scheme=scheme, revolutions=200)
+        ).mle.value
 
     plain, fitted = solve(128, "plain"), solve(40, "fitted")
     assert plain == pytest.approx(fitted, abs=0.006)

@@ -1,8 +1,8 @@
-"""The table in ROSS (github.com/petrobras/ross) itself: it loads, a rotor on it is built, its limit of stability is ours.
+"""The table in ROSS (github.com/petrobras/ross) itself: it loads, a rotor on it is built, its limit
+of stability is ours.
 
-ROSS 3 needs Python 3.13 and has pins of its own: it is looked for in this Python, or in the one named by SPAB_ROSS_PYTHON;
-with SPAB_REQUIRE_ROSS, as in CI, its absence is a failure.
-"""
+ROSS 3 needs Python 3.13 and has pins of its own: it is looked for in this Python, or in the one
+named by SPAB_ROSS_PYTHON; with SPAB_REQUIRE_ROSS, as in CI, its absence is a failure."""
 
 import importlib.util
 import json
@@ -22,8 +22,9 @@ from spab_core.solver.film import Mesh
 MESH = Mesh(3, 24)
 RIGID = 1e12  # N/m, a shaft that does not bend
 
-# A symmetric rotor on two bearings: a massless beam with the stiffness 2 K_s = 48 EI/L³ at midspan, the disc there, a journal
-# at each end. Printed: eigenvalues of the mode nearest to the whirl at each speed, and those of run_modal at the threshold.
+# A symmetric rotor on two bearings: a massless beam with the stiffness 2 K_s = 48 EI/L³ at midspan,
+# the disc there, a journal at each end. Printed: eigenvalues of the mode nearest to the whirl at
+# each speed, and those of run_modal at the threshold.
 IN_ROSS = """
 import json, sys
 import numpy as np
@@ -61,7 +62,9 @@ def python_with_ross():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["fed_spindle", "rigid_balanced"])
 def test_the_limit_of_stability_in_ross_is_ours(name, python_with_ross, tmp_path):
-    """At our threshold mass the rotor's growth rate in ROSS changes its sign at our speed, to 0.1 % (2 % were asked for)."""
+    """At our threshold mass the rotor's growth rate in ROSS changes its sign at our speed, to 0.1 %
+    (2 % were asked for).
+    """
     design, number = preset(name).design, 8.5
     threshold = whirl_thresholds(design, number, MESH, masses=(4.0, 20.0), scan=3)[0]
     mass, speed = threshold.critical_mass, design.speed(number)
@@ -70,10 +73,24 @@ def test_the_limit_of_stability_in_ross_is_ours(name, python_with_ross, tmp_path
     path = tmp_path / "bearing.xlsx"
     save_table(coefficient_table(found), str(path))
     speeds = np.linspace(found.speed[0], found.speed[-1], 31)
-    job = {"file": str(path), "mass": mass, "share": design.rotor.journal_mass_fraction, "speed": speed,
-           "shaft": min(design.rotor.shaft_stiffness, RIGID), "speeds": speeds.tolist(), "whirl": threshold.whirl_ratio * speed}
-    done = subprocess.run([python_with_ross, "-c", IN_ROSS], input=json.dumps(job), capture_output=True, text=True, timeout=300,
-                          check=False, cwd=tmp_path)
+    job = {
+        "file": str(path),
+        "mass": mass,
+        "share": design.rotor.journal_mass_fraction,
+        "speed": speed,
+        "shaft": min(design.rotor.shaft_stiffness, RIGID),
+        "speeds": speeds.tolist(),
+        "whirl": threshold.whirl_ratio * speed,
+    }
+    done = subprocess.run(
+        [python_with_ross, "-c", IN_ROSS],
+        input=json.dumps(job),
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+        cwd=tmp_path,
+    )
     assert done.returncode == 0, done.stderr[-2000:]
     answer = json.loads(done.stdout.split("RESULT", 1)[1])
     assert int(answer["version"].split(".")[0]) >= 3
@@ -83,7 +100,10 @@ def test_the_limit_of_stability_in_ross_is_ours(name, python_with_ross, tmp_path
     assert len(change) == 1 and growth[0] < 0.0 < growth[-1]  # stable below, whirling above
     k = change[0]
     limit = speeds[k] - growth[k] * (speeds[k + 1] - speeds[k]) / (growth[k + 1] - growth[k])
-    print(f"ROSS {answer['version']}: limit of stability {limit:.2f} rad/s, ours {speed:.2f}, ratio {limit / speed:.6f}")
+    print(
+        f"ROSS {answer['version']}: limit of stability {limit:.2f} rad/s, ours {speed:.2f}, ratio "
+        f"{limit / speed:.6f}"
+    )
     assert limit == pytest.approx(speed, rel=1e-3)
     assert np.interp(speed, speeds, whirl) == pytest.approx(threshold.whirl_ratio * speed, rel=1e-3)
     assert np.abs(np.array(answer["wd"]) / speed - threshold.whirl_ratio).min() < 1e-3

@@ -1,8 +1,9 @@
-"""Early stop: the leading Floquet multiplier against the eigenvalues of a dense monodromy matrix, and against full runs.
+"""Early stop: the leading Floquet multiplier against the eigenvalues of a dense monodromy matrix,
+and against full runs.
 
-Source: Floquet theory; the monodromy matrix is built column by column from the integrator's tangent at a tight tolerance, its
-eigenvalues by LAPACK. It shares neither recurrence nor normalisation with the early stop.
-"""
+Source: Floquet theory; the monodromy matrix is built column by column from the integrator's tangent
+at a tight tolerance, its eigenvalues by LAPACK. It shares neither recurrence nor normalisation with
+the early stop."""
 
 import dataclasses
 import math
@@ -22,7 +23,9 @@ TINY = Mesh(3, 16)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("mass, number, period", [(20.0, 2.0, 1), (7.0, 6.0, 2), (10.0, 0.5, 1)])
-def test_rate_is_the_largest_eigenvalue_of_the_monodromy_matrix(design, make_run, mass, number, period):
+def test_rate_is_the_largest_eigenvalue_of_the_monodromy_matrix(
+    design, make_run, mass, number, period
+):
     settings = Settings(mesh=TINY, tolerance=1e-5)
     point = solve_point(design, mass, number, settings)
     assert point.trajectory.settled is not None and point.trajectory.settled.period == period
@@ -45,12 +48,17 @@ def test_rate_is_the_largest_eigenvalue_of_the_monodromy_matrix(design, make_run
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mass, number", [(4.52, 1.5), (20.0, 2.0), (7.0, 6.0), (12.0, 8.0), (11.5, 7.5)])
+@pytest.mark.parametrize(
+    "mass, number", [(4.52, 1.5), (20.0, 2.0), (7.0, 6.0), (12.0, 8.0), (11.5, 7.5)]
+)
 def test_early_stop_gives_the_answer_of_the_full_run(design, mass, number):
     settings = Settings(revolutions=300)
     early = solve_point(design, mass, number, settings)
     full = solve_point(design, mass, number, dataclasses.replace(settings, early_stop=False))
-    assert early.trajectory.settled is not None and early.trajectory.completed < 0.7 * full.trajectory.completed
+    assert (
+        early.trajectory.settled is not None
+        and early.trajectory.completed < 0.7 * full.trajectory.completed
+    )
     assert full.trajectory.settled is None and full.trajectory.completed == 600
     assert early.regime == full.regime
     assert abs(early.mle.value - full.mle.value) < 0.003 + 3.0 * full.mle.standard_error
@@ -69,10 +77,15 @@ def test_chaos_and_tori_are_never_stopped_early(design):
 @pytest.mark.slow
 @pytest.mark.parametrize("mass, number", [(0.2, 3.45), (0.3, 5.0)])
 def test_an_unstable_orbit_is_left(design, mass, number):
-    """A light rotor starts almost on the small orbit of its unbalance, which is unstable, but so weakly that hundreds of
-    revolutions may still lie on it. The long run, left alone, shows the attractor: a whirl."""
-    left_alone = solve_point(design, mass, number, Settings(early_stop=False, transient=0, revolutions=60))
-    long = solve_point(design, mass, number, Settings(early_stop=False, transient=3000, revolutions=200))
+    """A light rotor starts almost on the small orbit of its unbalance, which is unstable, but so
+    weakly that hundreds of revolutions may still lie on it. The long run, left alone, shows the
+    attractor: a whirl."""
+    left_alone = solve_point(
+        design, mass, number, Settings(early_stop=False, transient=0, revolutions=60)
+    )
+    long = solve_point(
+        design, mass, number, Settings(early_stop=False, transient=3000, revolutions=200)
+    )
     point = solve_point(design, mass, number, Settings(revolutions=300))
     assert left_alone.max_eccentricity < 0.05 and long.max_eccentricity > 0.7
     assert point.max_eccentricity == pytest.approx(long.max_eccentricity, abs=0.02)
@@ -81,18 +94,22 @@ def test_an_unstable_orbit_is_left(design, mass, number):
 
 @pytest.mark.slow
 def test_a_light_mode_that_the_orbit_does_not_excite_is_resolved(design):
-    """18.69 kg, Lambda 0.388: the shaft swings many times a revolution while the orbit stands still. Steps for the orbit alone
-    damp that mode (-1.83 at 16 steps a revolution); the limit of small steps is -1.292."""
+    """18.69 kg, Lambda 0.388: the shaft swings many times a revolution while the orbit stands
+    still. Steps for the orbit alone damp that mode (-1.83 at 16 steps a revolution); the limit of
+    small steps is -1.292."""
     fine = solve_point(design, 18.69, 0.388, Settings(tolerance=1e-5))
     assert fine.mle.value == pytest.approx(-1.292, abs=0.003)
     assert solve_point(design, 18.69, 0.388).mle.value == pytest.approx(fine.mle.value, abs=0.02)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mass, number", [(11.5, 0.05), (12.5, 0.05), (20.0, 0.05), (10.0, 0.1), (20.0, 0.2)])
+@pytest.mark.parametrize(
+    "mass, number", [(11.5, 0.05), (12.5, 0.05), (20.0, 0.05), (10.0, 0.1), (20.0, 0.2)]
+)
 def test_a_strongly_damped_orbit_decays_as_linear_theory_says(design, mass, number):
-    """The orbit is the static equilibrium but for a small unbalance, so its exponent is 2 pi times the largest real part of the
-    eigenvalues about it, which share nothing with time integration. The leading mode swings up to 110 times a revolution."""
+    """The orbit is the static equilibrium but for a small unbalance, so its exponent is 2 pi times
+    the largest real part of the eigenvalues about it, which share nothing with time integration.
+    The leading mode swings up to 110 times a revolution."""
     point = solve_point(design, mass, number, Settings(revolutions=300))
     linear = 2.0 * math.pi * linear_spectrum(design, mass, number)[0][0].real
     assert linear < -3.0 and point.regime.text == "periodic-1"
@@ -100,11 +117,15 @@ def test_a_strongly_damped_orbit_decays_as_linear_theory_says(design, mass, numb
 
 
 def test_strongly_damped_cells_of_the_shipped_map_decay_as_linear_theory_says():
-    """Sixteen random cells with exponents under -2 against the eigenvalues about the static equilibrium."""
+    """Sixteen random cells with exponents under -2 against the eigenvalues about the static
+    equilibrium.
+    """
     m = load_reference_map()
     damped = np.argwhere(m.mle < -2.0)
     for row, column in np.random.default_rng(3).choice(damped, 16, replace=False):
-        linear = linear_spectrum(m.design, float(m.rotor_mass[column]), float(m.bearing_number[row]))[0][0].real
+        linear = linear_spectrum(
+            m.design, float(m.rotor_mass[column]), float(m.bearing_number[row])
+        )[0][0].real
         assert m.mle[row, column] == pytest.approx(2.0 * math.pi * linear, rel=0.01)
 
 
@@ -112,7 +133,13 @@ def test_strongly_damped_cells_of_the_shipped_map_decay_as_linear_theory_says():
 def test_a_run_goes_on_from_a_neighbour(design):
     first = solve_point(design, 7.0, 6.0)
     again = solve_point(design, 7.0, 6.0, start=first.trajectory.final)
-    assert again.regime == first.regime and again.mle.value == pytest.approx(first.mle.value, abs=2e-3)
+    assert again.regime == first.regime and again.mle.value == pytest.approx(
+        first.mle.value, abs=2e-3
+    )
     assert again.trajectory.completed < first.trajectory.completed
-    near = np.abs(again.trajectory.section[:, None, :4] - first.trajectory.section[None, -2:, :4]).max(axis=2).min(axis=1)
+    near = (
+        np.abs(again.trajectory.section[:, None, :4] - first.trajectory.section[None, -2:, :4])
+        .max(axis=2)
+        .min(axis=1)
+    )
     assert near.max() < 1e-3

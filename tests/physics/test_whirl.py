@@ -1,4 +1,6 @@
-"""Half-speed whirl: onset exactly at M = 4 K_0 for a rigid, balanced, unloaded, fed rotor (docs/model.md)."""
+"""Half-speed whirl: onset exactly at M = 4 K_0 for a rigid, balanced, unloaded, fed rotor
+(docs/model.md).
+"""
 
 import math
 
@@ -14,7 +16,11 @@ from tests.conftest import Run, fed_design
 
 MESH = Mesh(3, 24)
 BEARING_NUMBER = 3.45
-RIGID = {"rotor__shaft_stiffness": math.inf, "rotor__unbalance_eccentricity": 0.0, "rotor__gravity": 0.0}
+RIGID = {
+    "rotor__shaft_stiffness": math.inf,
+    "rotor__unbalance_eccentricity": 0.0,
+    "rotor__gravity": 0.0,
+}
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +36,9 @@ def critical_mass(rotor):
 
 
 def test_eigenvalue_threshold(rotor, critical_mass):
-    found = whirl_thresholds(rotor, BEARING_NUMBER, MESH, masses=(0.5 * critical_mass, 2.0 * critical_mass), scan=4)
+    found = whirl_thresholds(
+        rotor, BEARING_NUMBER, MESH, masses=(0.5 * critical_mass, 2.0 * critical_mass), scan=4
+    )
     assert len(found) == 1
     assert found[0].critical_mass == pytest.approx(critical_mass, rel=0.005)
     assert found[0].whirl_ratio == pytest.approx(0.5, abs=0.005)
@@ -38,7 +46,9 @@ def test_eigenvalue_threshold(rotor, critical_mass):
 
 
 def test_static_equilibrium_carries_the_load(design):
-    """Film, contact and weight balance; the journal sinks and is carried along with the rotation (attitude angle > 0)."""
+    """Film, contact and weight balance; the journal sinks and is carried along with the rotation
+    (attitude angle > 0).
+    """
     mass, bearing_number = 10.0, 2.0
     rest = static_equilibrium(design, mass, bearing_number, MESH)
     film = build_film(design, bearing_number, MESH)
@@ -49,7 +59,9 @@ def test_static_equilibrium_carries_the_load(design):
     assert fy + cy == pytest.approx(design.load_number(mass), abs=1e-9)
     assert 0.0 < rest.attitude_angle < 90.0 and rest.eccentricity == pytest.approx(math.hypot(x, y))
     # the disc hangs below the journal by the shaft's deflection, (1 - mu_j) W / K
-    assert rest.state[-7] - rest.state[-5] == pytest.approx(0.8 * design.load_number(mass) / design.shaft_stiffness_number)
+    assert rest.state[-7] - rest.state[-5] == pytest.approx(
+        0.8 * design.load_number(mass) / design.shaft_stiffness_number
+    )
     lighter = static_equilibrium(design, 1.0, bearing_number, MESH)
     assert lighter.eccentricity < rest.eccentricity and lighter.attitude_angle > rest.attitude_angle
 
@@ -68,7 +80,9 @@ def _whirl(design, mass):
 
 @pytest.mark.parametrize("factor, grows", [(0.95, False), (1.05, True)])
 def test_growth_in_time_on_both_sides_of_the_threshold(rotor, critical_mass, factor, grows):
-    """At onset the whirl ratio is 1/2; five per cent away it follows sqrt(K/M), 1/2 over sqrt(factor)."""
+    """At onset the whirl ratio is 1/2; five per cent away it follows sqrt(K/M), 1/2 over
+    sqrt(factor).
+    """
     rate, ratio = _whirl(rotor, factor * critical_mass)
     assert rate > 0.0 if grows else rate < 0.0
     assert ratio == pytest.approx(0.5 / math.sqrt(factor), abs=0.005)
@@ -81,7 +95,9 @@ def test_whirl_ratio_in_time_at_the_threshold(rotor, critical_mass):
 
 
 def test_exponent_of_the_rotor_at_rest_is_its_leading_eigenvalue(rotor, critical_mass):
-    """An unloaded, balanced rotor below its threshold rests: MLE = 2 pi times the largest real part, to 2 %."""
+    """An unloaded, balanced rotor below its threshold rests: MLE = 2 pi times the largest real
+    part, to 2 %.
+    """
     mass = 0.8 * critical_mass
     leading = linear_spectrum(rotor, mass, BEARING_NUMBER, MESH)[0][0].real
     run = Run(rotor, mass, BEARING_NUMBER, mesh=MESH)

@@ -1,4 +1,6 @@
-"""Shipped files: what the manifest does not name with its checksum is not read; maps that are no maps are refused."""
+"""Shipped files: what the manifest does not name with its checksum is not read; maps that are no
+maps are refused.
+"""
 
 import contextlib
 import json
@@ -9,14 +11,23 @@ import pytest
 
 from spab_core.design.model import reference_design
 from spab_core.maps.stability_map import MapError, load_map
-from spab_core.shipped.manifest import ARTIFACTS, REFERENCE_MAP, ArtifactError, checked_path, load_reference_map, write_manifest
+from spab_core.shipped.manifest import (
+    ARTIFACTS,
+    REFERENCE_MAP,
+    ArtifactError,
+    checked_path,
+    load_reference_map,
+    write_manifest,
+)
 from spab_core.trajectory.point import solve_point
 from spab_core.trajectory.settings import Settings
 
 
 def test_every_shipped_file_is_in_the_manifest():
     named = json.loads((ARTIFACTS / "manifest.json").read_text())["files"]
-    assert set(named) == {p.name for p in ARTIFACTS.iterdir() if p.name[0] != "."} - {"manifest.json"}
+    assert set(named) == {p.name for p in ARTIFACTS.iterdir() if p.name[0] != "."} - {
+        "manifest.json"
+    }
     for name in named:
         checked_path(name)
 
@@ -26,20 +37,37 @@ def test_reference_map_is_what_it_says():
     assert m.design == reference_design()
     assert min(m.metadata["transient"], m.metadata["revolutions"]) >= 300
     assert m.shape == (170, 250)
-    assert (m.status == "ok").mean() >= 0.99 and np.array_equal(np.isfinite(m.mle), m.status == "ok")
+    assert (m.status == "ok").mean() >= 0.99 and np.array_equal(
+        np.isfinite(m.mle), m.status == "ok"
+    )
     assert {"periodic", "quasi-periodic", "chaotic"} <= set(np.unique(m.regime))
 
 
 @pytest.mark.slow
 def test_cells_of_the_shipped_map_come_out_of_this_solver():
-    """Twelve cells with settled exponents, drawn with a fixed seed: same regime, exponent within its error or 0.01."""
+    """Twelve cells with settled exponents, drawn with a fixed seed: same regime, exponent within
+    its error or 0.01.
+    """
     m = load_reference_map()
-    settled = np.argwhere((m.regime == "periodic") & (m.mle < -0.02) & (m.mle_standard_error < 0.005))
+    settled = np.argwhere(
+        (m.regime == "periodic") & (m.mle < -0.02) & (m.mle_standard_error < 0.005)
+    )
     for row, column in np.random.default_rng(5).choice(settled, 12, replace=False):
-        settings = Settings(mesh=m.metadata["mesh"], transient=m.metadata["transient"], revolutions=m.metadata["revolutions"])
-        point = solve_point(m.design, float(m.rotor_mass[column]), float(m.bearing_number[row]), settings)
-        assert (point.regime.name, point.regime.period) == (m.regime[row, column], m.period[row, column])
-        assert point.mle.value == pytest.approx(m.mle[row, column], abs=0.01 + 3.0 * m.mle_standard_error[row, column])
+        settings = Settings(
+            mesh=m.metadata["mesh"],
+            transient=m.metadata["transient"],
+            revolutions=m.metadata["revolutions"],
+        )
+        point = solve_point(
+            m.design, float(m.rotor_mass[column]), float(m.bearing_number[row]), settings
+        )
+        assert (point.regime.name, point.regime.period) == (
+            m.regime[row, column],
+            m.period[row, column],
+        )
+        assert point.mle.value == pytest.approx(
+            m.mle[row, column], abs=0.01 + 3.0 * m.mle_standard_error[row, column]
+        )
 
 
 @pytest.fixture
@@ -59,7 +87,9 @@ def test_a_changed_file_is_refused(copy):
         load_reference_map(copy)
 
 
-@pytest.mark.parametrize("manifest", [None, "", "[]", "{}", '{"files": {}}', '{"files": {"reference_map.npz": 3}}'])
+@pytest.mark.parametrize(
+    "manifest", [None, "", "[]", "{}", '{"files": {}}', '{"files": {"reference_map.npz": 3}}']
+)
 def test_a_missing_or_broken_manifest_is_a_sentence(copy, manifest):
     (copy / "manifest.json").unlink()
     if manifest is not None:
@@ -94,9 +124,14 @@ def test_files_that_are_no_maps_are_refused(tmp_path, copy):
         load_map(bad)
     with np.load(copy / REFERENCE_MAP) as data:
         good = dict(data)
-    for name, value in {"mle": good["mle"][:1], "regime": np.full(good["mle"].shape, "dancing"), "period": good["period"] - 100,
-                        "metadata": np.array("[]"), "status": np.full(good["mle"].shape, "touchdown"),
-                        "rotor_mass": good["rotor_mass"].astype(str)}.items():
+    for name, value in {
+        "mle": good["mle"][:1],
+        "regime": np.full(good["mle"].shape, "dancing"),
+        "period": good["period"] - 100,
+        "metadata": np.array("[]"),
+        "status": np.full(good["mle"].shape, "touchdown"),
+        "rotor_mass": good["rotor_mass"].astype(str),
+    }.items():
         np.savez(bad, **(good | {name: value}))
         with pytest.raises(MapError, match=r"not a map|is damaged"):
             load_map(bad)

@@ -55,7 +55,10 @@ def test_up_and_down_start_where_the_neighbour_ended(design, result):
     assert result.branches["up"].mle[1] == second.mle.value
     last = solve_point(design, 7.0, 6.0, SHORT)
     assert result.branches["down"].mle[2] == last.mle.value
-    assert result.branches["down"].mle[1] == solve_point(design, 6.0, 6.0, SHORT, start=last.trajectory.final).mle.value
+    assert (
+        result.branches["down"].mle[1]
+        == solve_point(design, 6.0, 6.0, SHORT, start=last.trajectory.final).mle.value
+    )
 
 
 def test_workers_do_not_change_a_bit(design, result):
@@ -83,8 +86,22 @@ def test_chaotic_intervals_are_listed():
     assert chaotic_intervals(np.arange(2.0), regime[1:2].repeat(2)) == []
 
 
-COMMAND = ["bifurcation", "--vary", "bearing-number", "--at", "7", "--range", "5.9:6.1:2", "--mesh", "3x24", "--transient",
-           "40", "--revolutions", "60", "--json"]
+COMMAND = [
+    "bifurcation",
+    "--vary",
+    "bearing-number",
+    "--at",
+    "7",
+    "--range",
+    "5.9:6.1:2",
+    "--mesh",
+    "3x24",
+    "--transient",
+    "40",
+    "--revolutions",
+    "60",
+    "--json",
+]
 
 
 def test_command_writes_and_lists(capsys, tmp_path):
@@ -109,10 +126,16 @@ def test_a_stopped_command_goes_on_from_its_pieces(capsys, tmp_path, monkeypatch
     monkeypatch.setattr(bifurcation, "_solve_piece", stopped_in_the_third)
     with pytest.raises(SystemExit) as stop:
         main([*COMMAND, *line, "--out", str(tmp_path / "c.npz")])
-    assert stop.value.code == 130 and "goes on" in capsys.readouterr().err and not (tmp_path / "c.npz").exists()
+    assert (
+        stop.value.code == 130
+        and "goes on" in capsys.readouterr().err
+        and not (tmp_path / "c.npz").exists()
+    )
     pieces = sorted((tmp_path / "c.npz.parts").glob("chunk-*.npz"))
     assert [p.name for p in pieces] == ["chunk-up-000000.npz", "chunk-up-000001.npz"]
-    assert main([*COMMAND, "--range", "5.5:6.5:8", "--out", str(tmp_path / "c.npz")]) == 2  # another line
+    assert (
+        main([*COMMAND, "--range", "5.5:6.5:8", "--out", str(tmp_path / "c.npz")]) == 2
+    )  # another line
     assert "another run" in capsys.readouterr().err
     pieces[1].write_bytes(b"damaged")
     assert main([*COMMAND, *line, "--out", str(tmp_path / "c.npz")]) == 2
@@ -121,7 +144,9 @@ def test_a_stopped_command_goes_on_from_its_pieces(capsys, tmp_path, monkeypatch
     del calls[:]
     calls += [()] * 3
     assert main([*COMMAND, *line, "--out", str(tmp_path / "c.npz")]) == 0
-    assert len(calls) == 3 + 3 and not (tmp_path / "c.npz.parts").exists()  # of four pieces one was kept
+    assert (
+        len(calls) == 3 + 3 and not (tmp_path / "c.npz.parts").exists()
+    )  # of four pieces one was kept
     first, second = (load_bifurcation(tmp_path / f"{name}.npz") for name in ("whole", "c"))
     for sweep, branch in first.branches.items():
         assert np.array_equal(branch.mle, second.branches[sweep].mle)
@@ -134,31 +159,52 @@ def test_tables_of_a_line(result):
     assert table["bearing_number"].eq(6.0).all() and list(table["rotor_mass_kg"][:3]) == list(LINE)
     assert np.array_equal(table["mle"][3:6], result.branches["up"].mle)
     regime = np.array(["chaotic", "chaotic", "periodic"])
-    made_up = dataclasses.replace(result, vary="bearing-number", branches={
-        name: dataclasses.replace(branch, regime=regime if name != "up" else regime[::-1]) for name, branch in
-        result.branches.items()})
+    made_up = dataclasses.replace(
+        result,
+        vary="bearing-number",
+        branches={
+            name: dataclasses.replace(branch, regime=regime if name != "up" else regime[::-1])
+            for name, branch in result.branches.items()
+        },
+    )
     found = interval_table(made_up, ["cold", "up"])
-    assert found[["sweep", "first", "last"]].values.tolist() == [["cold", 5.0, 6.0], ["up", 6.0, 7.0]]
+    assert found[["sweep", "first", "last"]].values.tolist() == [
+        ["cold", 5.0, 6.0],
+        ["up", 6.0, 7.0],
+    ]
     rpm = Design.from_dict(result.metadata["design"]).speed_rpm(5.0)
     assert found["first_rpm"][0] == pytest.approx(rpm) and len(interval_table(result, [])) == 0
 
 
 def test_a_line_of_a_map_is_its_nearest_row_or_column():
     m = map_of(lambda number, mass: 0.2 * number - 0.05 * mass)
-    for vary, at, values, mle in (("rotor-mass", m.bearing_number[3] + 1e-6, m.rotor_mass, m.mle[3]),
-                                  ("bearing-number", m.rotor_mass[2] - 1e-6, m.bearing_number, m.mle[:, 2])):
+    for vary, at, values, mle in (
+        ("rotor-mass", m.bearing_number[3] + 1e-6, m.rotor_mass, m.mle[3]),
+        ("bearing-number", m.rotor_mass[2] - 1e-6, m.bearing_number, m.mle[:, 2]),
+    ):
         line = line_of_map(m, vary, at)
         assert line.at == pytest.approx(at, abs=1e-5) and np.array_equal(line.values, values)
-        assert np.array_equal(line.branches["cold"].mle, mle) and np.isnan(line.branches["cold"].section).all()
+        assert (
+            np.array_equal(line.branches["cold"].mle, mle)
+            and np.isnan(line.branches["cold"].section).all()
+        )
 
 
-@pytest.mark.parametrize("change, words", [
-    (["--vary", "speed"], ["--vary", "rotor-mass"]), (["--sweeps", "left"], ["--sweeps", "cold"]),
-    (["--sweeps", ""], ["--sweeps"]), (["--range", "1:2"], ["--range"]),
-    (["--range", "1:1e9:5"], ["bearing number"]), (["--at", "-3"], ["rotor mass"]),
-    (["--at", "x"], ["--at"]), (["--range", "1:2:50000"], ["--range", "20000"]), (["--workers", "0"], ["--workers"]),
-    (["--out", "/nowhere/x.npz"], ["--out"]),
-])
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        (["--vary", "speed"], ["--vary", "rotor-mass"]),
+        (["--sweeps", "left"], ["--sweeps", "cold"]),
+        (["--sweeps", ""], ["--sweeps"]),
+        (["--range", "1:2"], ["--range"]),
+        (["--range", "1:1e9:5"], ["bearing number"]),
+        (["--at", "-3"], ["rotor mass"]),
+        (["--at", "x"], ["--at"]),
+        (["--range", "1:2:50000"], ["--range", "20000"]),
+        (["--workers", "0"], ["--workers"]),
+        (["--out", "/nowhere/x.npz"], ["--out"]),
+    ],
+)
 def test_wrong_input_is_a_sentence(capsys, tmp_path, change, words):
     try:
         code = main([*COMMAND, "--out", str(tmp_path / "c.npz"), *change])

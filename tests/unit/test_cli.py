@@ -1,4 +1,6 @@
-"""The command line: keys of the answers, files, and one sentence with exit code 2 for every wrong input."""
+"""The command line: keys of the answers, files, and one sentence with exit code 2 for every wrong
+input.
+"""
 
 import csv
 import json
@@ -41,14 +43,40 @@ def refused(capsys, *argv):
 
 def test_simulate_keys(capsys, tmp_path):
     orbit = tmp_path / "orbit.csv"
-    found = answer(capsys, "simulate", "--rotor-mass", "18", "--bearing-number", "4.5", *SHORT, "--orbit", str(orbit))
+    found = answer(
+        capsys,
+        "simulate",
+        "--rotor-mass",
+        "18",
+        "--bearing-number",
+        "4.5",
+        *SHORT,
+        "--orbit",
+        str(orbit),
+    )
     assert list(found) == [
-        "rotor_mass_kg", "bearing_number", "speed_rad_s", "speed_rpm", "mle_per_revolution", "mle_standard_error", "regime",
-        "period", "contact_share", "max_eccentricity", "status", "mesh", "revolutions", "wall_seconds"]
+        "rotor_mass_kg",
+        "bearing_number",
+        "speed_rad_s",
+        "speed_rpm",
+        "mle_per_revolution",
+        "mle_standard_error",
+        "regime",
+        "period",
+        "contact_share",
+        "max_eccentricity",
+        "status",
+        "mesh",
+        "revolutions",
+        "wall_seconds",
+    ]
     assert found["status"] == "ok" and found["mesh"] == "3x24" and found["revolutions"] == 40
     rows = list(csv.DictReader(orbit.read_text().splitlines()))
     assert len(rows) == 30 * 96 and set(rows[0]) >= {"tau", "X2", "Y2", "X1", "Y1"}
-    assert max(float(r["X2"]) ** 2 + float(r["Y2"]) ** 2 for r in rows) <= found["max_eccentricity"] ** 2 * 1.01
+    assert (
+        max(float(r["X2"]) ** 2 + float(r["Y2"]) ** 2 for r in rows)
+        <= found["max_eccentricity"] ** 2 * 1.01
+    )
 
 
 def test_simulate_text(capsys):
@@ -64,8 +92,19 @@ def test_stiffness_and_threshold_keys(capsys, tmp_path):
     assert found["critical_mass_kg"] > 0.0 and found["whirl_ratio"] == pytest.approx(0.5, abs=0.05)
     weightless = tmp_path / "free.toml"
     weightless.write_text(design_toml(reference_design().replace(rotor__gravity=0.0)))
-    found = answer(capsys, "whirl-threshold", "--bearing-number", "1", "--mesh", "3x16", "--design", str(weightless))
-    assert found["critical_mass_kg"] is None and found["whirl_ratio"] is None  # unfed, unloaded: unstable at any mass
+    found = answer(
+        capsys,
+        "whirl-threshold",
+        "--bearing-number",
+        "1",
+        "--mesh",
+        "3x16",
+        "--design",
+        str(weightless),
+    )
+    assert (
+        found["critical_mass_kg"] is None and found["whirl_ratio"] is None
+    )  # unfed, unloaded: unstable at any mass
 
 
 def test_threshold_says_which_side_is_stable(capsys):
@@ -74,7 +113,17 @@ def test_threshold_says_which_side_is_stable(capsys):
 
 
 def _map(out, *more):
-    return ["map", "--bearing-number", "2:4:3", "--rotor-mass", "3:9:2", "--out", str(out), *SHORT, *more]
+    return [
+        "map",
+        "--bearing-number",
+        "2:4:3",
+        "--rotor-mass",
+        "3:9:2",
+        "--out",
+        str(out),
+        *SHORT,
+        *more,
+    ]
 
 
 def test_map_file_and_worker_count(capsys, tmp_path, monkeypatch):
@@ -82,13 +131,34 @@ def test_map_file_and_worker_count(capsys, tmp_path, monkeypatch):
     assert answer(capsys, *_map(tmp_path / "a.npz"))["cells"] == 6
     answer(capsys, *_map(tmp_path / "b.npz", "--workers", "2"))
     with np.load(tmp_path / "a.npz", allow_pickle=False) as data:
-        assert set(data) == {"bearing_number", "rotor_mass", "mle", "mle_standard_error", "regime", "period", "contact_share",
-                             "max_eccentricity", "status", "revolutions", "metadata"}
+        assert set(data) == {
+            "bearing_number",
+            "rotor_mass",
+            "mle",
+            "mle_standard_error",
+            "regime",
+            "period",
+            "contact_share",
+            "max_eccentricity",
+            "status",
+            "revolutions",
+            "metadata",
+        }
         metadata = json.loads(str(data["metadata"]))
-    assert {"design", "mesh", "steps", "revolutions", "versions", "date", "wall_seconds"} <= set(metadata)
+    assert {"design", "mesh", "steps", "revolutions", "versions", "date", "wall_seconds"} <= set(
+        metadata
+    )
     a, b = load_map(tmp_path / "a.npz"), load_map(tmp_path / "b.npz")
     assert a.shape == (3, 2) and np.array_equal(a.bearing_number, [2.0, 3.0, 4.0])
-    for name in ("mle", "mle_standard_error", "regime", "period", "contact_share", "max_eccentricity", "status"):
+    for name in (
+        "mle",
+        "mle_standard_error",
+        "regime",
+        "period",
+        "contact_share",
+        "max_eccentricity",
+        "status",
+    ):
         assert np.array_equal(getattr(a, name), getattr(b, name), equal_nan=name.startswith("mle"))
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.npz", "b.npz"]
 
@@ -102,8 +172,19 @@ def test_map_cell_is_the_point_alone(capsys, tmp_path):
 
 @pytest.mark.slow
 def test_a_killed_map_goes_on_from_its_chunks(tmp_path):
-    command = [sys.executable, "-m", "spab_core.cli.main", "map", "--bearing-number", "2:4:20", "--rotor-mass", "3:9:10",
-               "--out", str(tmp_path / "k.npz"), *SHORT]
+    command = [
+        sys.executable,
+        "-m",
+        "spab_core.cli.main",
+        "map",
+        "--bearing-number",
+        "2:4:20",
+        "--rotor-mass",
+        "3:9:10",
+        "--out",
+        str(tmp_path / "k.npz"),
+        *SHORT,
+    ]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
     parts = tmp_path / "k.npz.parts"
     deadline = time.monotonic() + 120
@@ -131,33 +212,109 @@ def test_a_killed_map_goes_on_from_its_chunks(tmp_path):
     assert np.array_equal(a.max_eccentricity.ravel()[1:], b.max_eccentricity.ravel()[1:])
 
 
-@pytest.mark.parametrize("argv, words", [
-    ([], ["command"]),
-    (["fly"], ["fly"]),
-    (["simulate", "--rotor-mass", "1"], ["--bearing-number"]),
-    (["simulate", "--rotor-mass", "x", "--bearing-number", "1"], ["--rotor-mass", "'x'", "number"]),
-    (["simulate", "--rotor-mass", "-1", "--bearing-number", "1"], ["rotor mass", "-1", "0.001 to 1000 kg"]),
-    (["simulate", "--rotor-mass", "nan", "--bearing-number", "1"], ["rotor mass", "nan"]),
-    (["simulate", "--rotor-mass", "1", "--bearing-number", "inf"], ["bearing number", "inf", "50"]),
-    (["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--mesh", "1e9x3"], ["mesh", "1e9x3", "2x8 to 16x256"]),
-    (["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--method", "magic"], ["magic", "rodas or dtm"]),
-    (["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--revolutions", "2.5"], ["--revolutions", "2.5"]),
-    (["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--design", "/nowhere.toml"], ["/nowhere.toml"]),
-    (["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--orbit", "/no/folder/x.csv"], ["--orbit", "/no/folder"]),
-    (["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--orbit", "/dev/null"], ["--orbit", "/dev/null"]),
-    (["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--design", ""], ["design file"]),
-    (["stiffness", "--bearing-number", "1", "--mesh", "16x256"], ["16x256", "2500"]),
-    (["simulate", "a\nb"], ["required"]),
-    (["stiffness", "--bearing-number", "0"], ["bearing number", "0.01 to 50"]),
-    (["map", "--bearing-number", "1:2", "--rotor-mass", "1:2:2", "--out", "x.npz"], ["--bearing-number", "start:stop:count"]),
-    (["map", "--bearing-number", "2:1:3", "--rotor-mass", "1:2:2", "--out", "x.npz"], ["--bearing-number", "before"]),
-    (["map", "--bearing-number", "1:2:0", "--rotor-mass", "1:2:2", "--out", "x.npz"], ["count", "0"]),
-    (["map", "--bearing-number", "1:2:9999", "--rotor-mass", "1:2:99999", "--out", "x.npz"], ["cells", "2000000"]),
-    (["map", "--bearing-number", "1:nan:3", "--rotor-mass", "1:2:2", "--out", "x.npz"], ["--bearing-number"]),
-    (["map", "--bearing-number", "1:2:2", "--rotor-mass", "1:2:2", "--out", "/no/x.npz"], ["--out"]),
-    (["map", "--bearing-number", "1:2:2", "--rotor-mass", "1:2:2", "--out", "x.npz", "--workers", "0"], ["--workers", "1"]),
-    (["map", "--bearing-number", "1:99:2", "--rotor-mass", "1:2:2", "--out", "x.npz"], ["bearing number", "99"]),
-], ids=lambda v: " ".join(v)[:60] if isinstance(v, list) else "")
+@pytest.mark.parametrize(
+    "argv, words",
+    [
+        ([], ["command"]),
+        (["fly"], ["fly"]),
+        (["simulate", "--rotor-mass", "1"], ["--bearing-number"]),
+        (
+            ["simulate", "--rotor-mass", "x", "--bearing-number", "1"],
+            ["--rotor-mass", "'x'", "number"],
+        ),
+        (
+            ["simulate", "--rotor-mass", "-1", "--bearing-number", "1"],
+            ["rotor mass", "-1", "0.001 to 1000 kg"],
+        ),
+        (["simulate", "--rotor-mass", "nan", "--bearing-number", "1"], ["rotor mass", "nan"]),
+        (
+            ["simulate", "--rotor-mass", "1", "--bearing-number", "inf"],
+            ["bearing number", "inf", "50"],
+        ),
+        (
+            ["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--mesh", "1e9x3"],
+            ["mesh", "1e9x3", "2x8 to 16x256"],
+        ),
+        (
+            ["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--method", "magic"],
+            ["magic", "rodas or dtm"],
+        ),
+        (
+            ["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--revolutions", "2.5"],
+            ["--revolutions", "2.5"],
+        ),
+        (
+            ["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--design", "/nowhere.toml"],
+            ["/nowhere.toml"],
+        ),
+        (
+            [
+                "simulate",
+                "--rotor-mass",
+                "1",
+                "--bearing-number",
+                "1",
+                "--orbit",
+                "/no/folder/x.csv",
+            ],
+            ["--orbit", "/no/folder"],
+        ),
+        (
+            ["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--orbit", "/dev/null"],
+            ["--orbit", "/dev/null"],
+        ),
+        (
+            ["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--design", ""],
+            ["design file"],
+        ),
+        (["stiffness", "--bearing-number", "1", "--mesh", "16x256"], ["16x256", "2500"]),
+        (["simulate", "a\nb"], ["required"]),
+        (["stiffness", "--bearing-number", "0"], ["bearing number", "0.01 to 50"]),
+        (
+            ["map", "--bearing-number", "1:2", "--rotor-mass", "1:2:2", "--out", "x.npz"],
+            ["--bearing-number", "start:stop:count"],
+        ),
+        (
+            ["map", "--bearing-number", "2:1:3", "--rotor-mass", "1:2:2", "--out", "x.npz"],
+            ["--bearing-number", "before"],
+        ),
+        (
+            ["map", "--bearing-number", "1:2:0", "--rotor-mass", "1:2:2", "--out", "x.npz"],
+            ["count", "0"],
+        ),
+        (
+            ["map", "--bearing-number", "1:2:9999", "--rotor-mass", "1:2:99999", "--out", "x.npz"],
+            ["cells", "2000000"],
+        ),
+        (
+            ["map", "--bearing-number", "1:nan:3", "--rotor-mass", "1:2:2", "--out", "x.npz"],
+            ["--bearing-number"],
+        ),
+        (
+            ["map", "--bearing-number", "1:2:2", "--rotor-mass", "1:2:2", "--out", "/no/x.npz"],
+            ["--out"],
+        ),
+        (
+            [
+                "map",
+                "--bearing-number",
+                "1:2:2",
+                "--rotor-mass",
+                "1:2:2",
+                "--out",
+                "x.npz",
+                "--workers",
+                "0",
+            ],
+            ["--workers", "1"],
+        ),
+        (
+            ["map", "--bearing-number", "1:99:2", "--rotor-mass", "1:2:2", "--out", "x.npz"],
+            ["bearing number", "99"],
+        ),
+    ],
+    ids=lambda v: " ".join(v)[:60] if isinstance(v, list) else "",
+)
 def test_wrong_input_is_one_sentence(capsys, tmp_path, monkeypatch, argv, words):
     monkeypatch.chdir(tmp_path)
     message = refused(capsys, *argv)
@@ -166,8 +323,13 @@ def test_wrong_input_is_one_sentence(capsys, tmp_path, monkeypatch, argv, words)
     assert list(tmp_path.iterdir()) == []
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60, deadline=None)
-@given(st.text(max_size=30), st.sampled_from(["--rotor-mass", "--bearing-number", "--mesh", "--method", "--design"]))
+@settings(
+    suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60, deadline=None
+)
+@given(
+    st.text(max_size=30),
+    st.sampled_from(["--rotor-mass", "--bearing-number", "--mesh", "--method", "--design"]),
+)
 def test_no_text_makes_a_traceback(capsys, text, option):
     argv = ["simulate", "--rotor-mass", "-1", "--bearing-number", "1", f"{option}={text}"]
     if option == "--rotor-mass":

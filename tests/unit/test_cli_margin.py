@@ -1,4 +1,6 @@
-"""``spab margin`` and ``spab export``: keys, files, and one sentence with exit code 2 for every wrong input."""
+"""``spab margin`` and ``spab export``: keys, files, and one sentence with exit code 2 for every
+wrong input.
+"""
 
 import io
 import json
@@ -33,20 +35,38 @@ def test_margin_keys_and_words(capsys):
 
 def test_margin_by_speed_of_another_map(capsys, small):
     m, path = small
-    found = answer(capsys, "margin", "--map", path, "--rotor-mass", "1.2", "--rpm", str(m.design.speed_rpm(2.2)))
+    found = answer(
+        capsys,
+        "margin",
+        "--map",
+        path,
+        "--rotor-mass",
+        "1.2",
+        "--rpm",
+        str(m.design.speed_rpm(2.2)),
+    )
     assert found["bearing_number"] == pytest.approx(2.2)
-    assert found["instability"]["number_above"]["beyond"] == "touchdown" and found["instability"]["mass_below"] is None
+    assert (
+        found["instability"]["number_above"]["beyond"] == "touchdown"
+        and found["instability"]["mass_below"] is None
+    )
 
 
-@pytest.mark.parametrize(("options", "words"), [
-    (("--rotor-mass", "30", "--bearing-number", "3"), "rotor mass in this map = 30 kg is out of range"),
-    (("--rotor-mass", "3", "--bearing-number", "nan"), "bearing number in this map"),
-    (("--rotor-mass", "3", "--rpm", "inf"), "--rpm = inf rpm is out of range"),
-    (("--rotor-mass", "3", "--rpm", "-1"), "--rpm = -1 rpm is out of range"),
-    (("--rotor-mass", "3"), "one of the arguments --bearing-number --rpm is required"),
-    (("--rotor-mass", "3", "--rpm", "9000", "--bearing-number", "3"), "not allowed with"),
-    (("--rotor-mass", "3", "--rpm", "9000", "--map", "/no/such.npz"), "cannot read the map"),
-])
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (
+            ("--rotor-mass", "30", "--bearing-number", "3"),
+            "rotor mass in this map = 30 kg is out of range",
+        ),
+        (("--rotor-mass", "3", "--bearing-number", "nan"), "bearing number in this map"),
+        (("--rotor-mass", "3", "--rpm", "inf"), "--rpm = inf rpm is out of range"),
+        (("--rotor-mass", "3", "--rpm", "-1"), "--rpm = -1 rpm is out of range"),
+        (("--rotor-mass", "3"), "one of the arguments --bearing-number --rpm is required"),
+        (("--rotor-mass", "3", "--rpm", "9000", "--bearing-number", "3"), "not allowed with"),
+        (("--rotor-mass", "3", "--rpm", "9000", "--map", "/no/such.npz"), "cannot read the map"),
+    ],
+)
 def test_margin_refuses(capsys, options, words):
     assert words in refused(capsys, "margin", *options)
 
@@ -56,15 +76,22 @@ def test_export(capsys, small, tmp_path):
     table, file = tmp_path / "map.csv", tmp_path / "map.nc"
     answer(capsys, "export", path, "--out", str(table))
     found = pd.read_csv(io.BytesIO(table.read_bytes()))
-    assert len(found) == m.mle.size and np.allclose(found["rotor_mass_kg"], np.tile(m.rotor_mass, 3))
+    assert len(found) == m.mle.size and np.allclose(
+        found["rotor_mass_kg"], np.tile(m.rotor_mass, 3)
+    )
     assert answer(capsys, "export", path, "--out", str(file))["bytes"] == file.stat().st_size
     with netcdf_file(file, mmap=False) as read:
         assert np.array_equal(read.variables["mle"][:], m.mle, equal_nan=True)
 
 
-@pytest.mark.parametrize(("source", "out", "words"), [
-    (REFERENCE_MAP, "map.xlsx", "must end in .nc or .csv"), (REFERENCE_MAP, "no/folder/map.nc", "cannot be written"),
-    ("manifest.json", "map.nc", "cannot read the map")])
+@pytest.mark.parametrize(
+    ("source", "out", "words"),
+    [
+        (REFERENCE_MAP, "map.xlsx", "must end in .nc or .csv"),
+        (REFERENCE_MAP, "no/folder/map.nc", "cannot be written"),
+        ("manifest.json", "map.nc", "cannot read the map"),
+    ],
+)
 def test_export_refuses(capsys, tmp_path, source, out, words):
     assert words in refused(capsys, "export", str(ARTIFACTS / source), "--out", str(tmp_path / out))
     assert not list(tmp_path.iterdir())

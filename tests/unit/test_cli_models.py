@@ -1,4 +1,6 @@
-"""``spab train`` and ``spab verify``: what is shipped is rebuilt to the bit, and every spoilt file is told."""
+"""``spab train`` and ``spab verify``: what is shipped is rebuilt to the bit, and every spoilt file
+is told.
+"""
 
 import dataclasses
 import json
@@ -16,7 +18,15 @@ from spab_core.cli.main import main
 from spab_core.maps.stability_map import FIELDS, save_map
 from spab_core.shipped import build as release
 from spab_core.shipped.build import MAX_FOLDER_BYTES, _choose, rebuild
-from spab_core.shipped.manifest import ARTIFACTS, PREDICTIONS, REFERENCE_MAP, SCORES, load_reference_map, sha256, write_manifest
+from spab_core.shipped.manifest import (
+    ARTIFACTS,
+    PREDICTIONS,
+    REFERENCE_MAP,
+    SCORES,
+    load_reference_map,
+    sha256,
+    write_manifest,
+)
 from spab_core.shipped.model_store import predictions
 from spab_core.shipped.verify import verify
 from spab_core.surrogates.models import DIVISORS, MODELS, Surrogate
@@ -26,7 +36,9 @@ from tests.unit.test_surrogates import map_of
 
 @pytest.fixture(scope="module", autouse=True)
 def one_table():
-    """The first table of errors only: the others take as long again, and intervals need more cells than these maps have."""
+    """The first table of errors only: the others take as long again, and intervals need more cells
+    than these maps have.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(release, "TABLES", {SCORES: release.TABLES[SCORES]})
         yield
@@ -39,7 +51,9 @@ def small():
     rows, columns = (slice(None, None, max(n // 12, 1)) for n in m.shape)
     cells = {name: getattr(m, name)[rows, columns].copy() for name in FIELDS}
     cells["mle"][2, 3], cells["regime"][2, 3], cells["status"][2, 3] = np.nan, "", "touchdown"
-    return dataclasses.replace(m, bearing_number=m.bearing_number[rows], rotor_mass=m.rotor_mass[columns], **cells)
+    return dataclasses.replace(
+        m, bearing_number=m.bearing_number[rows], rotor_mass=m.rotor_mass[columns], **cells
+    )
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +67,10 @@ def map_file(tmp_path_factory, small):
 def built(tmp_path_factory, map_file):
     """A folder as `spab train --all` leaves it."""
     folder = tmp_path_factory.mktemp("built")
-    assert main(["train", "--all", "--map", str(map_file), "--folder", str(folder), "--seeds", "1"]) == 0
+    assert (
+        main(["train", "--all", "--map", str(map_file), "--folder", str(folder), "--seeds", "1"])
+        == 0
+    )
     return folder
 
 
@@ -63,22 +80,38 @@ def folder(tmp_path, built):
 
 
 def test_rebuilding_gives_the_same_bytes(tmp_path, map_file):
-    """On one process and on two, with other string hashes and threads; in new interpreters, as the command does it: a pickle's
-    bytes also tell which equal objects are one, and that another model was opened before."""
+    """On one process and on two, with other string hashes and threads; in new interpreters, as the
+    command does it: a pickle's bytes also tell which equal objects are one, and that another model
+    was opened before."""
     names, sums = ("tree", "svr", "mlp", "forest", "boosting", "linear"), []
-    code = ("import sys; from pathlib import Path; from spab_core import release; from spab_core.shipped.build import rebuild\n"
-            "release.TABLES = {release.SCORES: release.TABLES[release.SCORES]}\n"
-            "from spab_core.maps.stability_map import load_map; from spab_core.surrogates.models import MODELS\n"
-            f"rebuild(load_map(sys.argv[1]), Path(sys.argv[2]), models=[MODELS[k] for k in {names}], divisors=(4,), "
-            "seeds=(0, 1), workers=int(sys.argv[3]))")
+    code = (
+        "import sys; from pathlib import Path; from spab_core import release; from "
+        "spab_core.shipped.build import rebuild\n"
+        "release.TABLES = {release.SCORES: release.TABLES[release.SCORES]}\n"
+        "from spab_core.maps.stability_map import load_map; from spab_core.surrogates.models "
+        "import MODELS\n"
+        f"rebuild(load_map(sys.argv[1]), Path(sys.argv[2]), models=[MODELS[k] for k in {names}], "
+        "divisors=(4,), "
+        "seeds=(0, 1), workers=int(sys.argv[3]))"
+    )
     for k in range(2):
         target = tmp_path / str(k)
         target.mkdir()
         shutil.copy(map_file, target / REFERENCE_MAP)
-        subprocess.run([sys.executable, "-c", code, map_file, target, str(k + 1)], check=True, cwd=ROOT, timeout=300,
-                       env=os.environ | {"PYTHONHASHSEED": str(7 * k), "OMP_NUM_THREADS": str(k + 1)})
+        subprocess.run(
+            [sys.executable, "-c", code, map_file, target, str(k + 1)],
+            check=True,
+            cwd=ROOT,
+            timeout=300,
+            env=os.environ | {"PYTHONHASHSEED": str(7 * k), "OMP_NUM_THREADS": str(k + 1)},
+        )
         sums.append({path.name: sha256(path) for path in target.iterdir()})
-    assert sums[0] == sums[1] and {SCORES, PREDICTIONS, "manifest.json", "surrogate_mlp_n4.joblib"} <= set(sums[0])
+    assert sums[0] == sums[1] and {
+        SCORES,
+        PREDICTIONS,
+        "manifest.json",
+        "surrogate_mlp_n4.joblib",
+    } <= set(sums[0])
     assert "seconds" not in (tmp_path / "0" / SCORES).read_text().splitlines()[0]
 
 
@@ -87,9 +120,13 @@ def test_what_train_all_wrote_is_verified(capsys, built):
     answer = json.loads(capsys.readouterr().out)
     assert answer["passed"] and all(check["problem"] is None for check in answer["checks"])
     said = " ".join(check["check"] for check in answer["checks"])
-    assert all(f"surrogate_{name}_n{k}.joblib" in said for name in ("tree", "svr", "mlp") for k in DIVISORS)
+    assert all(
+        f"surrogate_{name}_n{k}.joblib" in said for name in ("tree", "svr", "mlp") for k in DIVISORS
+    )
     with np.load(built / PREDICTIONS) as data:
-        assert set(MODELS) < set(data) and {data[name].dtype for name in MODELS} == {np.dtype(np.float32)}
+        assert set(MODELS) < set(data) and {data[name].dtype for name in MODELS} == {
+            np.dtype(np.float32)
+        }
 
 
 def flip(path):
@@ -123,18 +160,41 @@ def other_scores(folder):
     write_manifest(folder, {SCORES: noted})
 
 
-@pytest.mark.parametrize("spoil, name, words", [
-    (lambda f: flip(f / SCORES), SCORES, "SHA-256"), (lambda f: flip(f / PREDICTIONS), PREDICTIONS, "SHA-256"),
-    (lambda f: flip(f / "surrogate_svr_n3.joblib"), "surrogate_svr_n3.joblib", "SHA-256"),
-    (lambda f: (f / "surrogate_mlp_n3.joblib").unlink(), "surrogate_mlp_n3.joblib", "cannot read"),
-    (lambda f: (f / "more.joblib").write_bytes(b"x"), "named", "more.joblib"),
-    (lambda f: (f / "manifest.json").write_text("[]"), "manifest", "no manifest"),
-    (lambda f: edit(f / "manifest.json", lambda files: files["surrogate_tree_n5.joblib"]["made_from"]["versions"].update(
-        {"scikit-learn": "1.0"})), "surrogate_tree_n5.joblib", "scikit-learn 1.0"),
-    (lambda f: edit(f / "manifest.json", lambda files: files[SCORES]["made_from"].update(map="0")), SCORES, "another map"),
-    (other_model, "surrogate_tree_n2.joblib", "from the shipped map"), (other_scores, SCORES, "missing"),
-    (lambda f: (flip(f / REFERENCE_MAP), write_manifest(f)), REFERENCE_MAP, "map"),
-])
+@pytest.mark.parametrize(
+    "spoil, name, words",
+    [
+        (lambda f: flip(f / SCORES), SCORES, "SHA-256"),
+        (lambda f: flip(f / PREDICTIONS), PREDICTIONS, "SHA-256"),
+        (lambda f: flip(f / "surrogate_svr_n3.joblib"), "surrogate_svr_n3.joblib", "SHA-256"),
+        (
+            lambda f: (f / "surrogate_mlp_n3.joblib").unlink(),
+            "surrogate_mlp_n3.joblib",
+            "cannot read",
+        ),
+        (lambda f: (f / "more.joblib").write_bytes(b"x"), "named", "more.joblib"),
+        (lambda f: (f / "manifest.json").write_text("[]"), "manifest", "no manifest"),
+        (
+            lambda f: edit(
+                f / "manifest.json",
+                lambda files: files["surrogate_tree_n5.joblib"]["made_from"]["versions"].update(
+                    {"scikit-learn": "1.0"}
+                ),
+            ),
+            "surrogate_tree_n5.joblib",
+            "scikit-learn 1.0",
+        ),
+        (
+            lambda f: edit(
+                f / "manifest.json", lambda files: files[SCORES]["made_from"].update(map="0")
+            ),
+            SCORES,
+            "another map",
+        ),
+        (other_model, "surrogate_tree_n2.joblib", "from the shipped map"),
+        (other_scores, SCORES, "missing"),
+        (lambda f: (flip(f / REFERENCE_MAP), write_manifest(f)), REFERENCE_MAP, "map"),
+    ],
+)
 def test_whatever_is_spoilt_is_told_in_its_line(capsys, folder, spoil, name, words):
     spoil(folder)
     assert main(["verify", "--folder", str(folder)]) == 1
@@ -146,6 +206,7 @@ def test_a_file_without_origin_is_never_opened(folder, tmp_path, capsys):
     class Bomb:
         def __reduce__(self):
             return os.mkdir, (str(tmp_path / "opened"),)
+
     joblib.dump(Bomb(), folder / "surrogate_tree_n2.joblib")
     write_manifest(folder)  # as `make manifest` would
     assert main(["verify", "--folder", str(folder)]) == 1
@@ -168,7 +229,10 @@ def test_the_shipped_folder_is_verified():
 def test_a_folder_with_another_map_is_left_alone(capsys, folder):
     before = {path.name: sha256(path) for path in folder.iterdir()}
     save_map(map_of(lambda number, mass: number - mass), folder.parent / "other.npz")
-    assert main(["train", "--all", "--map", str(folder.parent / "other.npz"), "--folder", str(folder)]) == 2
+    assert (
+        main(["train", "--all", "--map", str(folder.parent / "other.npz"), "--folder", str(folder)])
+        == 2
+    )
     assert "another map" in capsys.readouterr().err
     assert before == {path.name: sha256(path) for path in folder.iterdir()}
 
@@ -181,9 +245,19 @@ def test_models_that_no_longer_belong_are_removed(folder, small):
 def test_the_smallest_kinds_are_shipped_as_long_as_there_is_room(monkeypatch):
     monkeypatch.setattr(release, "MAX_MODEL_BYTES", 100)
     monkeypatch.setattr(release, "ALWAYS", (("huge", 3),))
-    files = {"big": {2: b"x" * 90, 3: b"x" * 80}, "small": {2: b"x" * 10, 3: b"x"}, "none": {2: None},
-             "huge": {2: b"x" * 101, 3: b"x" * 300}}
-    assert list(_choose(files, 1000)) == [("huge", 3), ("small", 2), ("small", 3), ("big", 2), ("big", 3)]
+    files = {
+        "big": {2: b"x" * 90, 3: b"x" * 80},
+        "small": {2: b"x" * 10, 3: b"x"},
+        "none": {2: None},
+        "huge": {2: b"x" * 101, 3: b"x" * 300},
+    }
+    assert list(_choose(files, 1000)) == [
+        ("huge", 3),
+        ("small", 2),
+        ("small", 3),
+        ("big", 2),
+        ("big", 3),
+    ]
     assert list(_choose(files, 395)) == [("huge", 3), ("small", 2), ("small", 3), ("big", 3)]
     assert sum(p.stat().st_size for p in ARTIFACTS.iterdir()) <= MAX_FOLDER_BYTES
 
@@ -208,7 +282,21 @@ def test_predict_takes_the_shipped_model_or_says_why_not(capsys, folder, tmp_pat
     monkeypatch.setenv("SPAB_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(cli_surrogates, "ARTIFACTS", folder)
     monkeypatch.setattr(load_reference_map, "__defaults__", (folder,))
-    argv, answers = ["predict", "--model", "tree", "--divisor", "4", "--bearing-number", "4", "--rotor-mass", "9", "--json"], []
+    argv, answers = (
+        [
+            "predict",
+            "--model",
+            "tree",
+            "--divisor",
+            "4",
+            "--bearing-number",
+            "4",
+            "--rotor-mass",
+            "9",
+            "--json",
+        ],
+        [],
+    )
     for origin in ("shipped", "trained", "kept"):
         assert main(argv) == 0
         out = capsys.readouterr()
@@ -225,20 +313,32 @@ def test_train_without_a_place_to_keep_it(capsys, map_file, monkeypatch):
     assert "--out" in capsys.readouterr().err.splitlines()[-1]
 
 
-@pytest.mark.parametrize("argv, words", [
-    (["train"], ["--model", "--all"]), (["train", "--all", "--model", "tree"], ["--model", "--all"]),
-    (["train", "--model", "oracle", "--divisor", "2"], ["oracle", "forest"]),
-    (["train", "--model", "tree"], ["--divisor"]), (["train", "--model", "tree", "--divisor", "0"], ["--divisor", "0"]),
-    (["train", "--model", "tree", "--divisor", "100"], ["1/100", "cells"]),
-    (["train", "--model", "tree", "--divisor", "2", "--seed", "-1"], ["--seed", "-1"]),
-    (["train", "--model", "tree", "--divisor", "2", "--seeds", "3"], ["--seeds", "--all"]),
-    (["train", "--model", "tree", "--divisor", "2", "--out", "/nowhere/x.joblib"], ["--out", "/nowhere"]),
-    (["train", "--all", "--divisor", "2"], ["--divisor", "--model"]), (["train", "--all", "--out", "x"], ["--out", "--model"]),
-    (["train", "--all", "--seeds", "0"], ["--seeds", "0"]), (["train", "--all", "--workers", "0"], ["--workers", "0"]),
-    (["train", "--all", "--folder", "/nowhere"], ["--folder", "/nowhere"]),
-    (["train", "--all"], ["--map", "--folder"]), (["train", "--all", "--folder", "."], ["manifest"]),
-    (["verify", "--folder", "/nowhere"], ["--folder", "/nowhere"]), (["verify", "--folder", "a\0b"], ["--folder"]),
-])
+@pytest.mark.parametrize(
+    "argv, words",
+    [
+        (["train"], ["--model", "--all"]),
+        (["train", "--all", "--model", "tree"], ["--model", "--all"]),
+        (["train", "--model", "oracle", "--divisor", "2"], ["oracle", "forest"]),
+        (["train", "--model", "tree"], ["--divisor"]),
+        (["train", "--model", "tree", "--divisor", "0"], ["--divisor", "0"]),
+        (["train", "--model", "tree", "--divisor", "100"], ["1/100", "cells"]),
+        (["train", "--model", "tree", "--divisor", "2", "--seed", "-1"], ["--seed", "-1"]),
+        (["train", "--model", "tree", "--divisor", "2", "--seeds", "3"], ["--seeds", "--all"]),
+        (
+            ["train", "--model", "tree", "--divisor", "2", "--out", "/nowhere/x.joblib"],
+            ["--out", "/nowhere"],
+        ),
+        (["train", "--all", "--divisor", "2"], ["--divisor", "--model"]),
+        (["train", "--all", "--out", "x"], ["--out", "--model"]),
+        (["train", "--all", "--seeds", "0"], ["--seeds", "0"]),
+        (["train", "--all", "--workers", "0"], ["--workers", "0"]),
+        (["train", "--all", "--folder", "/nowhere"], ["--folder", "/nowhere"]),
+        (["train", "--all"], ["--map", "--folder"]),
+        (["train", "--all", "--folder", "."], ["manifest"]),
+        (["verify", "--folder", "/nowhere"], ["--folder", "/nowhere"]),
+        (["verify", "--folder", "a\0b"], ["--folder"]),
+    ],
+)
 def test_wrong_input_is_one_sentence(capsys, map_file, argv, words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     has_map = "verify" in argv or "." in argv

@@ -1,4 +1,7 @@
-"""Who compiles the kernels, when, and what is said where that fails. Nothing is compiled here: the kernels are there."""
+"""Who compiles the kernels, when, and what is said where that fails.
+
+Nothing is compiled here: the kernels are there.
+"""
 
 import os
 import subprocess
@@ -19,7 +22,9 @@ from tests.conftest import ROOT
 
 @pytest.fixture
 def empty(monkeypatch, tmp_path):
-    """A process that has not decided yet, and believes that its kernels are not there; it keeps them in ``tmp_path``."""
+    """A process that has not decided yet, and believes that its kernels are not there; it keeps
+    them in ``tmp_path``.
+    """
     place = tmp_path / "kernels"
     place.mkdir()
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(place))
@@ -36,12 +41,20 @@ def until_ended():
 
 def test_kernels_are_kept_for_one_processor(monkeypatch):
     """Those that another processor has left in a shared folder do not count."""
-    program = ("from spab_core.trajectory.compiling import compile_once, is_compiled, is_linear_compiled\n"
-               "print(is_compiled(), is_linear_compiled())")
+    program = (
+        "from spab_core.trajectory.compiling import compile_once, is_compiled, is_linear_compiled\n"
+        "print(is_compiled(), is_linear_compiled())"
+    )
 
     def told(**changes):
-        return subprocess.run([sys.executable, "-c", program], cwd=ROOT, env=os.environ | changes, capture_output=True,
-                              text=True, check=True).stdout.strip()
+        return subprocess.run(
+            [sys.executable, "-c", program],
+            cwd=ROOT,
+            env=os.environ | changes,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.strip()
 
     compiling.compile_once()
     assert told() == "True True"
@@ -80,8 +93,10 @@ def test_one_process_is_started_in_the_same_folder_and_its_end_is_seen(empty, mo
     monkeypatch.setattr(compiling.subprocess, "Popen", harmless)
     compiling.start()
     compiling.start()
-    (command, env), = started
-    assert command[1:4] == ["-P", "-m", "spab_core.trajectory.compiling"] and command[4] == str(os.getpid())
+    ((command, env),) = started
+    assert command[1:4] == ["-P", "-m", "spab_core.trajectory.compiling"] and command[4] == str(
+        os.getpid()
+    )
     assert env["NUMBA_CACHE_DIR"] == str(empty.parent)
     assert 0.0 <= compiling.seconds_so_far() < 60.0 and compiling.failure() == ""
     until_ended()
@@ -89,13 +104,23 @@ def test_one_process_is_started_in_the_same_folder_and_its_end_is_seen(empty, mo
     assert compiling.failure() == f"no kernels were kept in {empty}"  # it ended well and left none
 
 
-@pytest.mark.parametrize("program, words", [
-    ("import sys; sys.exit('the folder is gone')", "its process ended with code 1: the folder is gone"),
-    ("import os; os._exit(3)", "its process ended with code 3")])
+@pytest.mark.parametrize(
+    "program, words",
+    [
+        (
+            "import sys; sys.exit('the folder is gone')",
+            "its process ended with code 1: the folder is gone",
+        ),
+        ("import os; os._exit(3)", "its process ended with code 3"),
+    ],
+)
 def test_a_process_that_fails_is_told(empty, monkeypatch, program, words):
     popen = subprocess.Popen
-    monkeypatch.setattr(compiling.subprocess, "Popen",
-                        lambda command, **options: popen([sys.executable, "-c", program], stderr=options["stderr"]))
+    monkeypatch.setattr(
+        compiling.subprocess,
+        "Popen",
+        lambda command, **options: popen([sys.executable, "-c", program], stderr=options["stderr"]),
+    )
     compiling.start()
     until_ended()
     assert compiling.failure() == words and compiling.seconds_so_far() is None
@@ -109,13 +134,20 @@ def test_a_process_that_cannot_be_started_is_told(empty, monkeypatch):
 
 def test_the_process_ends_with_the_server(tmp_path):
     """Killed, a server leaves no compiler behind."""
-    program = ("import subprocess, sys, time\n"
-               "from spab_core import compiling\n"
-               "compiling.start()\n"
-               "print('started', flush=True)\n"
-               "time.sleep(60)")
-    server = subprocess.Popen([sys.executable, "-c", program], cwd=ROOT, env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
-                              stdout=subprocess.PIPE, text=True)
+    program = (
+        "import subprocess, sys, time\n"
+        "from spab_core import compiling\n"
+        "compiling.start()\n"
+        "print('started', flush=True)\n"
+        "time.sleep(60)"
+    )
+    server = subprocess.Popen(
+        [sys.executable, "-c", program],
+        cwd=ROOT,
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     with server:
         server.stdout.readline()
         lock = filelock.FileLock(next(tmp_path.glob("spab-kernels-*")) / ".compiling.lock")
@@ -155,7 +187,9 @@ def test_a_second_process_waits_for_the_first(empty, monkeypatch):
     assert not waiting.is_alive()
 
 
-def test_a_folder_that_cannot_be_locked_does_not_keep_the_kernels_from_being_compiled(empty, monkeypatch):
+def test_a_folder_that_cannot_be_locked_does_not_keep_the_kernels_from_being_compiled(
+    empty, monkeypatch
+):
     done = []
     (empty / ".compiling.lock").mkdir()
     monkeypatch.setattr(compiling, "solve_point", lambda *a: done.append("all"))

@@ -23,29 +23,46 @@ def imported(*patterns):
     for pattern in patterns:
         for path in ROOT.glob(pattern):
             for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-                names = [a.name for a in node.names] if isinstance(node, ast.Import) else [
-                    node.module] if isinstance(node, ast.ImportFrom) and not node.level else []
-                found |= {name.partition(".")[0]: path.relative_to(ROOT).as_posix() for name in names}
+                names = (
+                    [a.name for a in node.names]
+                    if isinstance(node, ast.Import)
+                    else [node.module]
+                    if isinstance(node, ast.ImportFrom) and not node.level
+                    else []
+                )
+                found |= {
+                    name.partition(".")[0]: path.relative_to(ROOT).as_posix() for name in names
+                }
     return {name: path for name, path in found.items() if name not in sys.stdlib_module_names}
 
 
 def undeclared(found, *groups):
     """Packages of ``found`` that none of the distributions in ``groups`` brings."""
     declared, brings = {plain(r) for group in groups for r in group}, packages_distributions()
-    return {name: path for name, path in found.items()
-            if name != "spab_core" and declared.isdisjoint(map(plain, brings.get(name, [name])))}
+    return {
+        name: path
+        for name, path in found.items()
+        if name != "spab_core" and declared.isdisjoint(map(plain, brings.get(name, [name])))
+    }
 
 
 def test_what_the_library_and_the_pages_import_is_declared():
     found = imported("*.py", "pages/*.py", "spab_core/**/*.py")
     assert {"numpy", "streamlit", "sklearn", "PIL", "distributed"} <= set(found)
-    assert undeclared(found, PROJECT["dependencies"]) == {"distributed": "spab_core/maps/compute.py"}  # said there
+    assert undeclared(found, PROJECT["dependencies"]) == {
+        "distributed": "spab_core/maps/compute.py"
+    }  # said there
     assert not undeclared(found, PROJECT["dependencies"], EXTRAS["dask"])
 
 
 def test_what_tests_benchmarks_and_docs_import_is_declared():
-    own = {path.stem for path in (*ROOT.glob("benchmarks/*.py"), *ROOT.glob("docs/*.py"))} | {"tests", "benchmarks"}
+    own = {path.stem for path in (*ROOT.glob("benchmarks/*.py"), *ROOT.glob("docs/*.py"))} | {
+        "tests",
+        "benchmarks",
+    }
     rivals = {"extensisq", "heyoka"}  # what benchmarks/against.py compares with, where it is there
     found = imported("tests/**/*.py", "benchmarks/*.py", "docs/*.py")
     groups = (PROJECT["dependencies"], *EXTRAS.values())
-    assert "pytest" in found and not undeclared({k: v for k, v in found.items() if k not in own | rivals}, *groups)
+    assert "pytest" in found and not undeclared(
+        {k: v for k, v in found.items() if k not in own | rivals}, *groups
+    )

@@ -48,7 +48,9 @@ def test_mass_scales_as_clearance_to_the_fifth_over_radius_to_the_sixth():
     """At fixed Lambda and M (docs/model.md)."""
     a = reference_design()
     b = a.replace(bearing__clearance=20e-6, bearing__radius=0.03)
-    heavier = a.mass_number(1.0, 3.0) / b.mass_number(1.0, 3.0)  # mass of b over mass of a at the same M
+    heavier = a.mass_number(1.0, 3.0) / b.mass_number(
+        1.0, 3.0
+    )  # mass of b over mass of a at the same M
     assert heavier == pytest.approx((0.030 / 0.060) ** 6 / (20 / 35) ** 5)
 
 
@@ -60,15 +62,23 @@ def designs(draw):
             m = f.metadata
             values[f.name] = draw(st.floats(m["low"], m["high"], exclude_min=m["open_low"]))
         return values
+
     bearing = pick(Bearing)
     bearing["clearance"] = min(bearing["clearance"], 0.05 * bearing["radius"])
-    feeding = 6.0 * bearing["permeability"] * bearing["radius"]**2 / (bearing["wall_thickness"] * bearing["clearance"]**3)
+    feeding = (
+        6.0
+        * bearing["permeability"]
+        * bearing["radius"] ** 2
+        / (bearing["wall_thickness"] * bearing["clearance"] ** 3)
+    )
     bearing["permeability"] *= min(1.0, 0.999 * MAX_FEEDING_NUMBER / max(feeding, 1e-9))
     rotor = pick(Rotor)
     if draw(st.booleans()):
         rotor["shaft_stiffness"] = math.inf
     contact = pick(Contact)
-    contact["force_at_closure"] = min(contact["force_at_closure"], 0.999e-9 * math.exp(min(1.0 / contact["roughness"], 40.0)))
+    contact["force_at_closure"] = min(
+        contact["force_at_closure"], 0.999e-9 * math.exp(min(1.0 / contact["roughness"], 40.0))
+    )
     return Design(Bearing(**bearing), Gas(**pick(Gas)), Rotor(**rotor), Contact(**contact))
 
 
@@ -84,24 +94,30 @@ def test_file_round_trip_and_rigid_rotor(tmp_path):
     assert d.rigid and [p.name for p in tmp_path.iterdir()] == ["my.toml"]
 
 
-@pytest.mark.parametrize("text, words", [
-    ("[bearing]\nradius = -1", ["bearing.radius", "-1", "0.001", "1 m"]),
-    ("[bearing]\nradius = 'x'", ["bearing.radius", "number", "'x'"]),
-    ("[bearing]\nradius = nan", ["bearing.radius", "nan"]),
-    ("[bearing]\nclearance = inf", ["bearing.clearance", "inf"]),
-    ("[rotor]\nshaft_stiffness = 0", ["rotor.shaft_stiffness", "from 1000", "or inf"]),
-    ("[rotor]\nshaft_stiffness = -inf", ["rotor.shaft_stiffness", "-inf"]),
-    ("[bearing]\nradius = true", ["bearing.radius", "True"]),
-    ("[bearing]\nradius = 1" + "0" * 400, ["bearing.radius", "inf"]),
-    ("[bearing]\nradios = 1", ["radios", "bearing", "radius"]),
-    ("[baring]\nradius = 1", ["baring", "bearing"]),
-    ("bearing = 3", ["[bearing]", "section"]),
-    ("[bearing]\nradius = 0.001\nclearance = 0.0001", ["bearing.clearance", "twentieth"]),
-    ("[bearing]\npermeability = 1e-11\nclearance = 3e-6", ["bearing.permeability", "1e-11 m2", "feeding", "at most 1e+06"]),
-    ("[bearing", ["TOML"]),
-    ('["a\\nb"]\nc = 1', ["unknown section"]),
-    ("[contact]\nroughness = 0.1", ["contact.roughness", "0.1", "centre"]),
-])
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        ("[bearing]\nradius = -1", ["bearing.radius", "-1", "0.001", "1 m"]),
+        ("[bearing]\nradius = 'x'", ["bearing.radius", "number", "'x'"]),
+        ("[bearing]\nradius = nan", ["bearing.radius", "nan"]),
+        ("[bearing]\nclearance = inf", ["bearing.clearance", "inf"]),
+        ("[rotor]\nshaft_stiffness = 0", ["rotor.shaft_stiffness", "from 1000", "or inf"]),
+        ("[rotor]\nshaft_stiffness = -inf", ["rotor.shaft_stiffness", "-inf"]),
+        ("[bearing]\nradius = true", ["bearing.radius", "True"]),
+        ("[bearing]\nradius = 1" + "0" * 400, ["bearing.radius", "inf"]),
+        ("[bearing]\nradios = 1", ["radios", "bearing", "radius"]),
+        ("[baring]\nradius = 1", ["baring", "bearing"]),
+        ("bearing = 3", ["[bearing]", "section"]),
+        ("[bearing]\nradius = 0.001\nclearance = 0.0001", ["bearing.clearance", "twentieth"]),
+        (
+            "[bearing]\npermeability = 1e-11\nclearance = 3e-6",
+            ["bearing.permeability", "1e-11 m2", "feeding", "at most 1e+06"],
+        ),
+        ("[bearing", ["TOML"]),
+        ('["a\\nb"]\nc = 1', ["unknown section"]),
+        ("[contact]\nroughness = 0.1", ["contact.roughness", "0.1", "centre"]),
+    ],
+)
 def test_wrong_values_name_field_value_and_range(text, words):
     with pytest.raises(DesignError) as error:
         parse_design(text)
@@ -125,7 +141,10 @@ def test_replace_refuses_unknown_names():
         reference_design().replace(bearing__width=1.0)
 
 
-@pytest.mark.parametrize("text", ["8", "8x", "x8", "4x41", "8x32x2", "0x32", "8x7", "1000x1000", "-8x32", "", "８x32", "9" * 9])
+@pytest.mark.parametrize(
+    "text",
+    ["8", "8x", "x8", "4x41", "8x32x2", "0x32", "8x7", "1000x1000", "-8x32", "", "８x32", "9" * 9],
+)
 def test_wrong_meshes_are_refused(text):
     with pytest.raises(DesignError, match="mesh"):
         parse_mesh(text)

@@ -1,4 +1,5 @@
-"""The same version, seed and request give the same file to the bit, on one worker process or two, from command or job.
+"""The same version, seed and request give the same file to the bit, on one worker process or two,
+from command or job.
 
 What a file says of its making (date, seconds, number of workers) is left out, and nothing else.
 """
@@ -21,14 +22,28 @@ PLANE = ["--bearing-number", "2:4.5:6", "--rotor-mass", "3:18:6"]
 LINE = ["--vary", "rotor-mass", "--at", "3", "--range", "4:12:12"]
 MADE = ("date", "wall_seconds", "worker_seconds", "workers")  # of the metadata: how a file was made
 COMMANDS = {
-    "map": ["map", *PLANE, *OPTIONS], "refine": ["refine", *PLANE, *OPTIONS, "--budget", "30", "--seed", "3"],
-    "design map": ["design", "map", "--bearing-number", "2:4:5", "--rotor-mass", "3:9:5", "--minutes", "60", "--seed", "3"],
+    "map": ["map", *PLANE, *OPTIONS],
+    "refine": ["refine", *PLANE, *OPTIONS, "--budget", "30", "--seed", "3"],
+    "design map": [
+        "design",
+        "map",
+        "--bearing-number",
+        "2:4:5",
+        "--rotor-mass",
+        "3:9:5",
+        "--minutes",
+        "60",
+        "--seed",
+        "3",
+    ],
     "bifurcation": ["bifurcation", *LINE, *OPTIONS],
 }
 
 
 def contents(path):
-    """Raw bytes of every array of an NPZ file by name; its metadata as a dictionary, without how it was made."""
+    """Raw bytes of every array of an NPZ file by name; its metadata as a dictionary, without how it
+    was made.
+    """
     with zipfile.ZipFile(path) as file:
         found = {name: file.read(name) for name in file.namelist() if name != "metadata.npy"}
     with np.load(path, allow_pickle=False) as file:
@@ -53,9 +68,19 @@ def test_one_worker_or_two_the_same_file(name, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_a_job_on_two_workers_makes_the_file_of_the_command_on_one(tmp_path, capsys):
-    assert main([*COMMANDS["bifurcation"], "--workers", "1", "--out", str(tmp_path / "line.npz")]) == 0
+    assert (
+        main([*COMMANDS["bifurcation"], "--workers", "1", "--out", str(tmp_path / "line.npz")]) == 0
+    )
     capsys.readouterr()
-    job = submit("bifurcation", {"vary": "rotor-mass", "at": 3.0, "range": "4:12:12", "settings": Settings(**TINY).to_dict()})
+    job = submit(
+        "bifurcation",
+        {
+            "vary": "rotor-mass",
+            "at": 3.0,
+            "range": "4:12:12",
+            "settings": Settings(**TINY).to_dict(),
+        },
+    )
     end = time.monotonic() + 90
     while job.active:
         assert time.monotonic() < end

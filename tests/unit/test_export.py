@@ -21,8 +21,14 @@ def m():
 
 def test_netcdf_holds_the_map_with_units_and_flags(m):
     with netcdf_file(io.BytesIO(map_netcdf(m)), mmap=False) as file:
-        assert np.array_equal(file.variables["mle"][:], m.mle) and file.variables["mle"].units == b"per revolution"
-        assert np.array_equal(file.variables["rotor_mass"][:], m.rotor_mass) and file.variables["rotor_mass"].units == b"kg"
+        assert (
+            np.array_equal(file.variables["mle"][:], m.mle)
+            and file.variables["mle"].units == b"per revolution"
+        )
+        assert (
+            np.array_equal(file.variables["rotor_mass"][:], m.rotor_mass)
+            and file.variables["rotor_mass"].units == b"kg"
+        )
         assert file.variables["mle"].dimensions == ("bearing_number", "rotor_mass")
         flags = file.variables["regime"]
         words = np.array(flags.flag_meanings.decode().split())[flags[:]]

@@ -23,7 +23,9 @@ from spab_core.linear_theory.whirl import linear_spectrum
 from spab_core.shipped.manifest import load_reference_map
 
 
-@pytest.mark.parametrize("number, mass", [(0.05, 5.0), (0.12, 20.0), (0.7, 9.3), (3.0, 2.1), (8.5, 25.0)])
+@pytest.mark.parametrize(
+    "number, mass", [(0.05, 5.0), (0.12, 20.0), (0.7, 9.3), (3.0, 2.1), (8.5, 25.0)]
+)
 def test_the_shipped_table_is_of_this_solver(number, mass):
     eigenvalues, equilibrium = linear_spectrum(reference_design(), mass, number, MESH)
     rate, frequency, eccentricity = shipped_table().at(np.array([number]), np.array([mass]))[0]
@@ -34,10 +36,14 @@ def test_the_shipped_table_is_of_this_solver(number, mass):
 
 
 def test_linear_theory_is_the_exponent_of_a_strongly_damped_rotor():
-    """A solved cell of the shipped map where the film is almost rigid: (8.1 kg, bearing number 0.1)."""
+    """A solved cell of the shipped map where the film is almost rigid: (8.1 kg, bearing number
+    0.1).
+    """
     m = load_reference_map()
     cell = m.nearest(8.1, 0.1)
-    rate = shipped_table().at(np.array([m.bearing_number[cell[0]]]), np.array([m.rotor_mass[cell[1]]]))[0, 0]
+    rate = shipped_table().at(
+        np.array([m.bearing_number[cell[0]]]), np.array([m.rotor_mass[cell[1]]])
+    )[0, 0]
     assert rate < -5.0 and m.mle[cell] == pytest.approx(rate, rel=0.02)
 
 
@@ -50,13 +56,18 @@ def test_a_table_of_another_design(tmp_path):
     again = load_table((tmp_path / "t.npz").read_bytes())
     assert again.design == design and np.allclose(again.rate, table.rate, rtol=1e-6)
     outside = again.at(np.array([0.01, 1.0]), np.array([4.0, 99.0]))
-    assert outside[0] == pytest.approx(again.at(np.array([0.5]), np.array([4.0]))[0])  # the nearest point of the table
+    assert outside[0] == pytest.approx(
+        again.at(np.array([0.5]), np.array([4.0]))[0]
+    )  # the nearest point of the table
     assert outside[1] == pytest.approx(again.at(np.array([1.0]), np.array([4.0]))[0])
 
 
 def test_the_shipped_table_is_used_where_it_fits(monkeypatch):
     made = []
-    monkeypatch.setattr("spab_core.linear_theory.linear_table.linear_table", lambda *asked: made.append(asked) or shipped_table())
+    monkeypatch.setattr(
+        "spab_core.linear_theory.linear_table.linear_table",
+        lambda *asked: made.append(asked) or shipped_table(),
+    )
     table_for.cache_clear()
     assert table_for(reference_design()) is shipped_table() and not made
     table_for(reference_design(), ((1.0, 12.0), (0.5, 5.0)))
@@ -69,7 +80,10 @@ def test_the_shipped_table_is_used_where_it_fits(monkeypatch):
 def test_nodes_without_equilibrium_take_the_nearest():
     values = np.arange(24.0).reshape(4, 2, 3)
     values[3, 1] = np.nan
-    assert _without_gaps(values.copy())[3, 1].tolist() in (values[3, 0].tolist(), values[2, 1].tolist())
+    assert _without_gaps(values.copy())[3, 1].tolist() in (
+        values[3, 0].tolist(),
+        values[2, 1].tolist(),
+    )
     with pytest.raises(InputError, match="no static equilibrium"):
         _without_gaps(np.full((2, 2, 3), np.nan))
 
@@ -78,4 +92,6 @@ def test_features_by_name():
     design, points = reference_design(), np.array([[0.3, 4.0], [6.0, 20.0]])
     found = dict(zip(FEATURES, LinearFeatures(shipped_table()).transform(points).T, strict=True))
     assert found["M"] == pytest.approx([design.mass_number(m, b) for b, m in points])
-    assert found["rotor mass"].tolist() == [4.0, 20.0] and (found["static eccentricity"] > 0.0).all()
+    assert (
+        found["rotor mass"].tolist() == [4.0, 20.0] and (found["static eccentricity"] > 0.0).all()
+    )

@@ -1,4 +1,6 @@
-"""The plain pictures of map and orbits (spab_core/plotting/still.py) show what the Plotly figures show, where they show it."""
+"""The plain pictures of map and orbits (spab_core/plotting/still.py) show what the Plotly figures
+show, where they show it.
+"""
 
 import base64
 import io
@@ -33,7 +35,9 @@ def test_cells_have_the_colours_of_the_scale(figure):
     """Each pixel against Plotly's own interpolation of the colour scale; no exponent: no colour."""
     heat = next(t for t in figure.data if t.type == "heatmap")
     z = np.asarray(heat.z, float)
-    pixels = np.asarray(Image.open(io.BytesIO(sources(still(figure).inside)[0])))[::-1]  # the lowest mass is the last row
+    pixels = np.asarray(Image.open(io.BytesIO(sources(still(figure).inside)[0])))[
+        ::-1
+    ]  # the lowest mass is the last row
     assert pixels.shape == (*z.shape, 4)
     assert np.array_equal(pixels[..., 3] == 0, np.isnan(z)) and np.isnan(z).any()
     for place in np.argwhere(~np.isnan(z))[:40]:
@@ -44,7 +48,9 @@ def test_cells_have_the_colours_of_the_scale(figure):
 
 def test_lines_and_cross_stand_where_the_axes_say(figure):
     picture = still(figure)
-    line = next(t for t in figure.data if t.name == "linear stability threshold" and t.line.dash == "dash")
+    line = next(
+        t for t in figure.data if t.name == "linear stability threshold" and t.line.dash == "dash"
+    )
     drawn = re.findall(r'd="([^"]+)"[^>]*dasharray', sources(picture.inside)[1].decode())[0]
     first = [float(v) for v in re.match(r"M(-?\d+) (-?\d+)", drawn).groups()]
     x, y = figure.layout.xaxis.range, figure.layout.yaxis.range
@@ -58,23 +64,50 @@ def test_lines_and_cross_stand_where_the_axes_say(figure):
 def test_every_layer_has_a_picture_with_axes_in_units(layer):
     m = map_of(plane)
     html = still(map_figure(m, layer)).marked(float(m.bearing_number[0]), float(m.rotor_mass[0]))
-    assert "Bearing number Λ" in html and "Rotor mass on one bearing, kg" in html and "Shaft speed, rpm" in html
+    assert (
+        "Bearing number Λ" in html
+        and "Rotor mass on one bearing, kg" in html
+        and "Shaft speed, rpm" in html
+    )
     assert html.count("base64,") == 3 and ("linear-gradient" in html) == (layer != "Regime")
-    assert "border of chaos" in html and ("chaotic</i>" in html) == (layer == "Regime")  # the legend
+    assert "border of chaos" in html and ("chaotic</i>" in html) == (
+        layer == "Regime"
+    )  # the legend
 
 
 def test_orbits_are_drawn_to_scale():
-    """A circle of half the clearance, of known points: where each stands in thousandths of the axes."""
+    """A circle of half the clearance, of known points: where each stands in thousandths of the
+    axes.
+    """
     angle = np.linspace(0.0, 2.0 * np.pi, 5)
-    figure = go.Figure(go.Scatter(x=0.5 * np.cos(angle), y=0.5 * np.sin(angle), mode="lines", name="journal",
-                                  line={"color": "#0072B2", "width": 1}))
-    figure.update_layout(title="Orbits", height=270, xaxis={"title": "X / C", "range": [-1.25, 1.25]},
-                         yaxis={"title": "Y / C", "range": [-1.25, 1.25]})
+    figure = go.Figure(
+        go.Scatter(
+            x=0.5 * np.cos(angle),
+            y=0.5 * np.sin(angle),
+            mode="lines",
+            name="journal",
+            line={"color": "#0072B2", "width": 1},
+        )
+    )
+    figure.update_layout(
+        title="Orbits",
+        height=270,
+        xaxis={"title": "X / C", "range": [-1.25, 1.25]},
+        yaxis={"title": "Y / C", "range": [-1.25, 1.25]},
+    )
     html = orbit_still(figure)
     grid, lines = (text.decode() for text in sources(html))
     assert 'd="M700 500L500 300L300 500L500 700L700 500"' in lines
-    assert [float(v) for v in re.findall(r"M([0-9.]+) 0V", grid)] == [100, 300, 500, 700, 900]  # -1, -0.5, 0, 0.5, 1
-    assert all(f">{text}</" in html for text in ("Orbits", "journal", "X / C", "Y / C", "−0.5", "0", "1"))
+    assert [float(v) for v in re.findall(r"M([0-9.]+) 0V", grid)] == [
+        100,
+        300,
+        500,
+        700,
+        900,
+    ]  # -1, -0.5, 0, 0.5, 1
+    assert all(
+        f">{text}</" in html for text in ("Orbits", "journal", "X / C", "Y / C", "−0.5", "0", "1")
+    )
     assert "width:159px" in html  # square: of the height less margins
 
 

@@ -7,15 +7,29 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from spab_core.trajectory.periodic_orbit import PUSH, find_settled, is_near, leading_rate, mismatch, push, window
+from spab_core.trajectory.periodic_orbit import (
+    PUSH,
+    find_settled,
+    is_near,
+    leading_rate,
+    mismatch,
+    push,
+    window,
+)
 
 
 def tangents(monodromy, count, period=1):
-    """Unit tangents and their growth when every ``period``-th revolution applies the monodromy and the others a rotation."""
+    """Unit tangents and their growth when every ``period``-th revolution applies the monodromy and
+    the others a rotation.
+    """
     random = np.random.default_rng(4)
     n = len(monodromy)
     turns = [np.linalg.qr(random.standard_normal((n, n)))[0] for _ in range(period - 1)]
-    back = np.linalg.inv(np.linalg.multi_dot(turns[::-1])) if len(turns) > 1 else (turns[0].T if turns else np.eye(n))
+    back = (
+        np.linalg.inv(np.linalg.multi_dot(turns[::-1]))
+        if len(turns) > 1
+        else (turns[0].T if turns else np.eye(n))
+    )
     steps = [*turns, monodromy @ back] if turns else [monodromy]
     v = random.standard_normal(n)
     found, growth = [], []
@@ -30,19 +44,32 @@ def tangents(monodromy, count, period=1):
 def with_eigenvalues(values):
     """A matrix that is not normal, with these eigenvalues (complex ones stand for a pair)."""
     random = np.random.default_rng(2)
-    blocks = [np.array([[z.real, -z.imag], [z.imag, z.real]]) if isinstance(z, complex) else np.array([[z]]) for z in values]
+    blocks = [
+        np.array([[z.real, -z.imag], [z.imag, z.real]])
+        if isinstance(z, complex)
+        else np.array([[z]])
+        for z in values
+    ]
     n = sum(len(b) for b in blocks)
     d, k = np.zeros((n, n)), 0
     for b in blocks:
-        d[k:k + len(b), k:k + len(b)] = b
+        d[k : k + len(b), k : k + len(b)] = b
         k += len(b)
     basis = np.eye(n) + 0.4 * random.standard_normal((n, n))
     return basis @ d @ np.linalg.inv(basis)
 
 
 @pytest.mark.parametrize("period", [1, 2, 3])
-@pytest.mark.parametrize("values", [(0.8, 0.2, -0.1), (-0.7, 0.3, 0.1), (0.5 + 0.6j, 0.3, 0.05), (0.9, -0.85, 0.2, 0.1),
-                                    (0.1 + 0.88j, 0.85, 0.1)])
+@pytest.mark.parametrize(
+    "values",
+    [
+        (0.8, 0.2, -0.1),
+        (-0.7, 0.3, 0.1),
+        (0.5 + 0.6j, 0.3, 0.05),
+        (0.9, -0.85, 0.2, 0.1),
+        (0.1 + 0.88j, 0.85, 0.1),
+    ],
+)
 def test_rate_is_that_of_the_largest_multiplier(values, period):
     found = leading_rate(*tangents(with_eigenvalues(values), 40 * period, period), period)
     assert found == pytest.approx(math.log(max(abs(z) for z in values)) / period, abs=2e-4)
@@ -76,10 +103,17 @@ def test_settled_needs_a_repeating_section_a_negative_rate_and_two_checks():
     tangent, growth = tangents(with_eigenvalues((0.8, 0.2, 0.1)), 60, 2)
     rates = {}
     good = section_of(points, 100)
-    assert find_settled(good, tangent, growth, rates) is None and 2 in rates  # the first check only remembers
+    assert (
+        find_settled(good, tangent, growth, rates) is None and 2 in rates
+    )  # the first check only remembers
     settled = find_settled(good, tangent, growth, rates)
-    assert settled.period == 2 and settled.rate == pytest.approx(0.5 * math.log(0.8), abs=1e-6) and settled.error < 1e-9
-    # too far from its limit for its slow approach: 1e-4 a period at a multiplier of 0.8 is 5e-4 away, and more is refused
+    assert (
+        settled.period == 2
+        and settled.rate == pytest.approx(0.5 * math.log(0.8), abs=1e-6)
+        and settled.error < 1e-9
+    )
+    # too far from its limit for its slow approach: 1e-4 a period at a multiplier of 0.8 is 5e-4
+    # away, and more is refused
     far = section_of(points, 100, 0.04, -0.02)
     assert 1e-4 < mismatch(far, 2) < 5e-4 and is_near(far)
     assert find_settled(far, tangent, growth, dict(rates)) is None
@@ -102,7 +136,12 @@ def test_a_push_keeps_gas_and_clearance(eccentricity, angle, seed):
     pushed = state.copy()
     push(pushed, tangent)
     change = pushed - state
-    assert np.hypot(*pushed[-8:-6]) < 1.0 and (pushed[:4] > 0.0).all() and (pushed[5:-8] > 0.0).all() and pushed[4] == 0.0
+    assert (
+        np.hypot(*pushed[-8:-6]) < 1.0
+        and (pushed[:4] > 0.0).all()
+        and (pushed[5:-8] > 0.0).all()
+        and pushed[4] == 0.0
+    )
     assert np.abs(change[-8:]).max() <= PUSH * (1.0 + 1e-9)
     assert np.linalg.matrix_rank(np.array([change, tangent]), tol=1e-12) == 1  # along the tangent
 

@@ -1,4 +1,6 @@
-"""The form of a design: units, an exact way there and back, refusals in the form's own words; presets; balance grades."""
+"""The form of a design: units, an exact way there and back, refusals in the form's own words;
+presets; balance grades.
+"""
 
 import dataclasses
 import math
@@ -18,24 +20,40 @@ from spab_core.design.form import (
     to_form,
 )
 from spab_core.design.limits import BEARING_NUMBER_RANGE
-from spab_core.design.model import Design, design_toml, load_design, read_design_bytes, reference_design
+from spab_core.design.model import (
+    Design,
+    design_toml,
+    load_design,
+    read_design_bytes,
+    reference_design,
+)
 from spab_core.design.presets import PRESETS, preset
 from spab_core.linear_theory.equilibrium import static_equilibrium
 from tests.unit.test_design import designs
 
 
 def test_every_design_value_is_in_the_form_once():
-    assert list(FIELDS) == [f"{g.lower()}__{f.name}" for g, cls in GROUPS.items() for f in dataclasses.fields(cls)]
+    assert list(FIELDS) == [
+        f"{g.lower()}__{f.name}" for g, cls in GROUPS.items() for f in dataclasses.fields(cls)
+    ]
     assert len({f.title for f in FIELDS.values()}) == len(FIELDS)
 
 
 def test_the_reference_design_reads_as_on_its_drawing():
     shown = to_form(reference_design())
     assert {name: shown[name] for name in list(shown)[:8]} == {
-        "bearing__radius": 60.0, "bearing__clearance": 35.0, "bearing__edge_latitude": 30.0, "bearing__permeability": 1.44,
-        "bearing__wall_thickness": 4.5, "bearing__supply_pressure_ratio": 1.01325, "gas__viscosity": 18.5,
-        "gas__ambient_pressure": 1.01325}
-    assert shown["rotor__shaft_stiffness"] == 50.0 and shown["rotor__unbalance_eccentricity"] == 13.0
+        "bearing__radius": 60.0,
+        "bearing__clearance": 35.0,
+        "bearing__edge_latitude": 30.0,
+        "bearing__permeability": 1.44,
+        "bearing__wall_thickness": 4.5,
+        "bearing__supply_pressure_ratio": 1.01325,
+        "gas__viscosity": 18.5,
+        "gas__ambient_pressure": 1.01325,
+    }
+    assert (
+        shown["rotor__shaft_stiffness"] == 50.0 and shown["rotor__unbalance_eccentricity"] == 13.0
+    )
 
 
 @given(designs())
@@ -46,14 +64,23 @@ def test_from_si_to_the_form_and_back_nothing_changes(design):
 @st.composite
 def typed(draw):
     """A number as a person types it: up to 12 digits, inside the range of a field."""
-    name = draw(st.sampled_from([n for n in FIELDS if n not in ("bearing__radius", "contact__roughness",
-                                                               "contact__force_at_closure")]))
+    name = draw(
+        st.sampled_from(
+            [
+                n
+                for n in FIELDS
+                if n not in ("bearing__radius", "contact__roughness", "contact__force_at_closure")
+            ]
+        )
+    )
     field = FIELDS[name]
     ambient = 1.01325 if field.over_ambient else 1.0
     low, high = field.low * ambient, field.high * ambient
     digits = draw(st.integers(1, 12))
     value = float(f"{draw(st.floats(low, high, exclude_min=field.open_low)):.{digits}g}")
-    value = value if value > 1e-250 else 0.0  # below lie numbers that a double in SI units cannot hold
+    value = (
+        value if value > 1e-250 else 0.0
+    )  # below lie numbers that a double in SI units cannot hold
     return name, min(max(value, low), high) or high
 
 
@@ -63,10 +90,18 @@ def test_from_the_form_to_si_and_back_every_digit_stays(pair):
     assert to_form(from_form({name: value}))[name] == value
 
 
-@pytest.mark.parametrize("name, shown, si", [
-    ("bearing__clearance", 35.0, 35e-6), ("bearing__radius", 60.3, 60.3e-3), ("gas__viscosity", 18.1, 18.1e-6),
-    ("gas__ambient_pressure", 0.7, 0.7e5), ("rotor__shaft_stiffness", math.inf, math.inf),
-    ("rotor__journal_mass_fraction", 30.0, 0.3), ("bearing__supply_pressure_ratio", 4.053, 4.0)])
+@pytest.mark.parametrize(
+    "name, shown, si",
+    [
+        ("bearing__clearance", 35.0, 35e-6),
+        ("bearing__radius", 60.3, 60.3e-3),
+        ("gas__viscosity", 18.1, 18.1e-6),
+        ("gas__ambient_pressure", 0.7, 0.7e5),
+        ("rotor__shaft_stiffness", math.inf, math.inf),
+        ("rotor__journal_mass_fraction", 30.0, 0.3),
+        ("bearing__supply_pressure_ratio", 4.053, 4.0),
+    ],
+)
 def test_factors(name, shown, si):
     section, key = name.split("__")
     assert getattr(getattr(from_form({name: shown}), section), key) == pytest.approx(si, rel=1e-15)
@@ -81,13 +116,21 @@ def test_a_supply_pressure_keeps_its_bars_when_the_ambient_changes():
     assert then == together
 
 
-@pytest.mark.parametrize("name, value, words", [
-    ("bearing__clearance", 0.01, ["Radial clearance C", "0.01 µm", "1 to 1000 µm"]),
-    ("bearing__radius", "x", ["Sphere radius R", "mm", "'x'"]),
-    ("bearing__supply_pressure_ratio", 1000.0, ["Supply pressure", "1000 bar", "101.325 bar"]),
-    ("rotor__shaft_stiffness", 0.0, ["Shaft stiffness K_s", "from 0.001 to 1e+06 N/µm", "or inf"]),
-    ("gas__viscosity", math.nan, ["Viscosity", "nan"]),
-    ("bearing__width", 1.0, ["bearing__width"])])
+@pytest.mark.parametrize(
+    "name, value, words",
+    [
+        ("bearing__clearance", 0.01, ["Radial clearance C", "0.01 µm", "1 to 1000 µm"]),
+        ("bearing__radius", "x", ["Sphere radius R", "mm", "'x'"]),
+        ("bearing__supply_pressure_ratio", 1000.0, ["Supply pressure", "1000 bar", "101.325 bar"]),
+        (
+            "rotor__shaft_stiffness",
+            0.0,
+            ["Shaft stiffness K_s", "from 0.001 to 1e+06 N/µm", "or inf"],
+        ),
+        ("gas__viscosity", math.nan, ["Viscosity", "nan"]),
+        ("bearing__width", 1.0, ["bearing__width"]),
+    ],
+)
 def test_wrong_values_are_told_in_the_units_of_the_form(name, value, words):
     with pytest.raises(DesignError) as error:
         from_form({name: value})
@@ -97,12 +140,19 @@ def test_wrong_values_are_told_in_the_units_of_the_form(name, value, words):
 def test_values_that_do_not_fit_together_are_told():
     with pytest.raises(DesignError, match="twentieth"):
         from_form({"bearing__radius": 10.0, "bearing__clearance": 600.0})
-    with pytest.raises(DesignError, match=r"bearing\.permeability = 1e-11 m2 .* feeding number .* at most 1e\+06"):
+    with pytest.raises(
+        DesignError, match=r"bearing\.permeability = 1e-11 m2 .* feeding number .* at most 1e\+06"
+    ):
         from_form({"bearing__permeability": 1e4, "bearing__clearance": 3.0})
 
 
 def test_the_limits_themselves_are_allowed():
-    alone = {"bearing__radius", "bearing__clearance", "contact__roughness", "contact__force_at_closure"}  # tied to another
+    alone = {
+        "bearing__radius",
+        "bearing__clearance",
+        "contact__roughness",
+        "contact__force_at_closure",
+    }  # tied to another
     for field in FIELDS.values():
         ambient = 1.01325 if field.over_ambient else 1.0
         for limit in (field.low, field.high):
@@ -111,7 +161,9 @@ def test_the_limits_themselves_are_allowed():
 
 
 def test_grade_of_a_rotor_by_hand():
-    """ISO 21940-11:2016: G 6.3 at 3,000 rpm permits a specific unbalance of 20 g mm/kg, 20 µm, of the whole rotor."""
+    """ISO 21940-11:2016: G 6.3 at 3,000 rpm permits a specific unbalance of 20 g mm/kg, 20 µm, of
+    the whole rotor.
+    """
     e = eccentricity_of_grade(6.3, 3000.0, 0.2)
     assert 0.8 * e == pytest.approx(20.05e-6, rel=1e-3)
     assert grade_of_eccentricity(e, 3000.0, 0.2) == pytest.approx(6.3, rel=1e-14)
@@ -132,9 +184,16 @@ def test_speed_or_bearing_number():
             bearing_number_of(d, *given_)
 
 
-@pytest.mark.parametrize("data, words", [
-    (b"\xff\xfe", "UTF-8"), (b"x" * 200_000, "more than 20,000 bytes"), (b"[bearing", "TOML"),
-    (b"[bearing]\nradius = -1", "radius"), (b"a = " + b"[" * 5000, "TOML")])
+@pytest.mark.parametrize(
+    "data, words",
+    [
+        (b"\xff\xfe", "UTF-8"),
+        (b"x" * 200_000, "more than 20,000 bytes"),
+        (b"[bearing", "TOML"),
+        (b"[bearing]\nradius = -1", "radius"),
+        (b"a = " + b"[" * 5000, "TOML"),
+    ],
+)
 def test_wrong_files_are_one_sentence_with_their_name(data, words):
     with pytest.raises(DesignError, match=r"my\.toml") as error:
         read_design_bytes(data, "my.toml")

@@ -32,13 +32,21 @@ def test_sensitivity_as_a_job(root, design):  # noqa: F811
 
 
 def test_ranking_as_a_job_on_its_own_file(root, design):  # noqa: F811
-    number, mass = (a.ravel() for a in np.meshgrid(np.linspace(0.5, 8.0, 10), np.linspace(1.0, 20.0, 10)))
+    number, mass = (
+        a.ravel() for a in np.meshgrid(np.linspace(0.5, 8.0, 10), np.linspace(1.0, 20.0, 10))
+    )
     samples = Samples(np.column_stack([number, mass]), np.sin(number) * mass)
     data = samples_bytes(samples)
-    asked = {"samples": hashlib.sha256(data).hexdigest(), "models": ["tree", "cubic", "theory-trees"]}
+    asked = {
+        "samples": hashlib.sha256(data).hexdigest(),
+        "models": ["tree", "cubic", "theory-trees"],
+    }
     job = until(submit("ranking", asked, {SAMPLES: data}).id, lambda j: not j.active)
     assert job.state == "done" and job.done == job.total, job.message
-    scores, own = pd.read_csv(job.result), rank_samples(samples, design, [MODELS[k] for k in asked["models"]])
+    scores, own = (
+        pd.read_csv(job.result),
+        rank_samples(samples, design, [MODELS[k] for k in asked["models"]]),
+    )
     assert np.allclose(scores["rmse_held_out"], own["rmse_held_out"], rtol=1e-12)
     assert list(scores["model"]) == list(own["model"])
     wrong = submit("ranking", {"samples": "0" * 64}, {SAMPLES: data})
@@ -46,7 +54,12 @@ def test_ranking_as_a_job_on_its_own_file(root, design):  # noqa: F811
 
 
 def test_a_quick_map_publishes_its_coarse_plane_and_keeps_it_when_stopped(root, design):  # noqa: F811
-    asked = {"bearing_number": "2:4:8", "rotor_mass": "3:9:9", "seconds": 3600, "settings": QUICK | {"early_stop": False}}
+    asked = {
+        "bearing_number": "2:4:8",
+        "rotor_mass": "3:9:9",
+        "seconds": 3600,
+        "settings": QUICK | {"early_stop": False},
+    }
     job = submit("map", asked)
     job = until(job.id, lambda j: j.result.exists() or not j.active)
     assert job.active, job.message
@@ -54,11 +67,15 @@ def test_a_quick_map_publishes_its_coarse_plane_and_keeps_it_when_stopped(root, 
     assert coarse.solved.sum() == 18 and (coarse.regime != "").all()
     kept = load_refinement(cancel(job.id).result)  # whatever has been published since
     assert kept.solved.sum() > 17 and not (coarse.solved & ~kept.solved).any()
-    done = until(submit("map", asked).id, lambda j: not j.active)  # goes on to the last cell: time is not short here
+    done = until(
+        submit("map", asked).id, lambda j: not j.active
+    )  # goes on to the last cell: time is not short here
     assert done.state == "done", done.message
     full = load_refinement(done.result)
     row, column = 5, 7
-    point = solve_point(design, full.rotor_mass[column], full.bearing_number[row], Settings(**asked["settings"]))
+    point = solve_point(
+        design, full.rotor_mass[column], full.bearing_number[row], Settings(**asked["settings"])
+    )
     assert full.solved.all() and full.values["mle"][row, column] == point.mle.value
     assert np.array_equal(coarse.values["mle"][coarse.solved], full.values["mle"][coarse.solved])
 
@@ -66,24 +83,40 @@ def test_a_quick_map_publishes_its_coarse_plane_and_keeps_it_when_stopped(root, 
 def test_a_quick_map_ends_in_time(tmp_path, design):
     values = np.linspace(2.0, 4.0, 40)
     began = time.monotonic()
-    found = quick_map(design, values, values + 1.0, Settings(**QUICK | {"early_stop": False, "revolutions": 400}), seconds=8.0,
-                      parts=tmp_path / "parts")
+    found = quick_map(
+        design,
+        values,
+        values + 1.0,
+        Settings(**QUICK | {"early_stop": False, "revolutions": 400}),
+        seconds=8.0,
+        parts=tmp_path / "parts",
+    )
     assert MIN_START <= found.solved.sum() < found.batch.size
     assert time.monotonic() - began < 60.0  # by far less than the minutes that all cells take
 
 
-@pytest.mark.parametrize(("kind", "change", "words"), [
-    ("sensitivity", {"axis": "time"}, "axis = 'time'"), ("sensitivity", {"step": 0.9}, "step = 0.9 is out of range"),
-    ("sensitivity", {"speed_rpm": 1e9}, "speed = 1e[+]09 rpm is out of range"),
-    ("sensitivity", {"speed": 1}, "'speed' is unknown"),
-    ("sensitivity", {"settings": {"mesh": "1x1"}}, "mesh"), ("ranking", {"samples": "../../etc/passwd"}, "must be the SHA-256"),
-    ("ranking", {}, "'samples' is missing"),
-    ("ranking", {"samples": "0" * 64, "models": ["oracle"]}, "model = 'oracle'"),
-    ("map", {"seconds": 1e9}, "seconds = 1e[+]09 s"), ("map", {"seed": -1}, "seed = -1"),
-    ("map", {"bearing_number": "1:2:100000", "rotor_mass": "1:2:100000"}, "cells"),
-    ("map", {"rotor_mass": "-1:2:20"}, "rotor mass = -1")])
+@pytest.mark.parametrize(
+    ("kind", "change", "words"),
+    [
+        ("sensitivity", {"axis": "time"}, "axis = 'time'"),
+        ("sensitivity", {"step": 0.9}, "step = 0.9 is out of range"),
+        ("sensitivity", {"speed_rpm": 1e9}, "speed = 1e[+]09 rpm is out of range"),
+        ("sensitivity", {"speed": 1}, "'speed' is unknown"),
+        ("sensitivity", {"settings": {"mesh": "1x1"}}, "mesh"),
+        ("ranking", {"samples": "../../etc/passwd"}, "must be the SHA-256"),
+        ("ranking", {}, "'samples' is missing"),
+        ("ranking", {"samples": "0" * 64, "models": ["oracle"]}, "model = 'oracle'"),
+        ("map", {"seconds": 1e9}, "seconds = 1e[+]09 s"),
+        ("map", {"seed": -1}, "seed = -1"),
+        ("map", {"bearing_number": "1:2:100000", "rotor_mass": "1:2:100000"}, "cells"),
+        ("map", {"rotor_mass": "-1:2:20"}, "rotor mass = -1"),
+    ],
+)
 def test_wrong_requests(kind, change, words):
-    usual = {"sensitivity": {"rotor_mass": 8.0, "speed_rpm": 9000.0}, "ranking": {},
-             "map": {"bearing_number": "1:2:10", "rotor_mass": "1:2:10"}}[kind]
+    usual = {
+        "sensitivity": {"rotor_mass": 8.0, "speed_rpm": 9000.0},
+        "ranking": {},
+        "map": {"bearing_number": "1:2:10", "rotor_mass": "1:2:10"},
+    }[kind]
     with pytest.raises(InputError, match=words):
         KINDS[kind].check(usual | change)

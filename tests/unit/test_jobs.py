@@ -1,4 +1,6 @@
-"""Background jobs with real worker processes on small work: states, cancel, kill, resume, damage, deletion."""
+"""Background jobs with real worker processes on small work: states, cancel, kill, resume, damage,
+deletion.
+"""
 
 import dataclasses
 import json
@@ -74,14 +76,25 @@ def test_a_line_is_computed_once_and_found_again(root, design):
     done = until(job.id, lambda j: not j.active)
     assert (done.state, done.done, done.total, done.message) == ("done", 3, 3, "")
     assert done.created <= done.started <= done.finished and done.seconds_left is None
-    result, direct = load_bifurcation(done.result), compute_bifurcation(design, "rotor-mass", 3.0, axis("4:6:3", "x"),
-                                                                       Settings(**TINY), sweeps=["cold"])
+    result, direct = (
+        load_bifurcation(done.result),
+        compute_bifurcation(
+            design, "rotor-mass", 3.0, axis("4:6:3", "x"), Settings(**TINY), sweeps=["cold"]
+        ),
+    )
     assert np.array_equal(result.branches["cold"].section, direct.branches["cold"].section)
     assert not (done.folder / "parts").exists()
     stamp = done.result.stat().st_mtime_ns
-    again = submit("bifurcation", LINE)  # its chunks may have been there still when the end was told
-    assert dataclasses.replace(again, size=done.size) == done and done.result.stat().st_mtime_ns == stamp
-    assert [j.id for j in list_jobs()] == [job.id] and list_jobs()[0].size > done.result.stat().st_size
+    again = submit(
+        "bifurcation", LINE
+    )  # its chunks may have been there still when the end was told
+    assert (
+        dataclasses.replace(again, size=done.size) == done
+        and done.result.stat().st_mtime_ns == stamp
+    )
+    assert [j.id for j in list_jobs()] == [job.id] and list_jobs()[
+        0
+    ].size > done.result.stat().st_size
     done.result.unlink()
     assert find(job.id).state == "failed" and "gone" in find(job.id).message
     delete(job.id)
@@ -101,7 +114,11 @@ def test_one_runs_the_others_wait_and_a_cancel_stops_all_its_processes(root):
     assert len(group(pids[0])) > 1  # its own processes
     assert cancel(other.id).state == "cancelled"
     stopped = cancel(job.id)
-    assert stopped.state == "cancelled" and stopped.finished and 0 < stopped.done < stopped.total == 300
+    assert (
+        stopped.state == "cancelled"
+        and stopped.finished
+        and 0 < stopped.done < stopped.total == 300
+    )
     end = time.monotonic() + 30
     while any(group(pid) for pid in pids):
         assert time.monotonic() < end
@@ -127,12 +144,24 @@ def test_cancelled_then_killed_it_goes_on_to_the_same_bits(root, design):
     submit("bifurcation", short)
     done = until(job.id, lambda j: not j.active)
     assert done.state == "done" and done.done == done.total == 60
-    result, direct = load_bifurcation(done.result), compute_bifurcation(
-        design, "rotor-mass", 3.0, axis("4:9:30", "x"), Settings(**short["settings"]), sweeps=["up", "cold"])
+    result, direct = (
+        load_bifurcation(done.result),
+        compute_bifurcation(
+            design,
+            "rotor-mass",
+            3.0,
+            axis("4:9:30", "x"),
+            Settings(**short["settings"]),
+            sweeps=["up", "cold"],
+        ),
+    )
     for name, branch in direct.branches.items():
         for f in dataclasses.fields(branch):
-            assert np.array_equal(getattr(result.branches[name], f.name), getattr(branch, f.name), equal_nan=f.name in (
-                "mle", "mle_standard_error", "contact_share", "section")), (name, f.name)
+            assert np.array_equal(
+                getattr(result.branches[name], f.name),
+                getattr(branch, f.name),
+                equal_nan=f.name in ("mle", "mle_standard_error", "contact_share", "section"),
+            ), (name, f.name)
 
 
 def test_cancelled_before_its_worker_shows_up(root):
@@ -148,16 +177,24 @@ def test_a_worker_that_never_shows_up_is_noticed(root, monkeypatch):
     monkeypatch.setattr(jobs.sys, "executable", "/bin/false")
     job = submit("bifurcation", LINE)
     assert until(job.id, lambda j: not j.active).state == "failed"
-    monkeypatch.setattr(jobs, "_workers", {})  # as another process sees it: it waits, but not for ever
+    monkeypatch.setattr(
+        jobs, "_workers", {}
+    )  # as another process sees it: it waits, but not for ever
     assert find(job.id).state == "queued"
     monkeypatch.setattr(jobs, "_START_SECONDS", 0.0)
     assert find(job.id).state == "failed"
 
 
 def test_a_job_that_ends_while_it_is_read_is_told_as_it_ended(root):
-    """job.json was read while the job ran; its worker has gone since: state and counts are both those of the end."""
+    """job.json was read while the job ran; its worker has gone since: state and counts are both
+    those of the end.
+    """
     ended = until(submit("bifurcation", LINE).id, lambda j: not j.active)
-    before = json.loads((ended.folder / "job.json").read_text()) | {"state": "running", "done": 1, "finished": None}
+    before = json.loads((ended.folder / "job.json").read_text()) | {
+        "state": "running",
+        "done": 1,
+        "finished": None,
+    }
     until(ended.id, lambda j: not jobs._alive(j.folder))
     found = jobs._job(ended.folder, before)
     assert (found.state, found.done, found.finished) == ("done", ended.total, ended.finished)
@@ -177,14 +214,26 @@ def test_what_the_work_raises_is_a_sentence(root):
 
 def test_a_point_comes_back_whole(root, design, tmp_path):
     settings = TINY | {"method": "dtm"}
-    job = submit("point", {"rotor_mass": 4, "bearing_number": 3.0, "settings": settings, "path_revolutions": 5})
+    job = submit(
+        "point",
+        {"rotor_mass": 4, "bearing_number": 3.0, "settings": settings, "path_revolutions": 5},
+    )
     done = until(job.id, lambda j: not j.active)
     assert done.state == "done" and done.done == done.total == 40
-    again, direct = load_point(done.result), solve_point(design, 4.0, 3.0, Settings(**settings), path_revolutions=5)
+    again, direct = (
+        load_point(done.result),
+        solve_point(design, 4.0, 3.0, Settings(**settings), path_revolutions=5),
+    )
     assert again.record() | {"wall_seconds": 0} == direct.record() | {"wall_seconds": 0}
-    assert again.settings == direct.settings and again.design == design and again.verdict() == direct.verdict()
+    assert (
+        again.settings == direct.settings
+        and again.design == design
+        and again.verdict() == direct.verdict()
+    )
     for name in ("section", "growth", "contact", "peak", "path", "final"):
-        assert np.array_equal(getattr(again.trajectory, name), getattr(direct.trajectory, name)), name
+        assert np.array_equal(getattr(again.trajectory, name), getattr(direct.trajectory, name)), (
+            name
+        )
     assert np.array_equal(again.mle.trace, direct.mle.trace)
     failed = solve_point(design, 4.0, 3.0, Settings(**TINY, tolerance=1e-10))
     failed = dataclasses.replace(failed, mle=None, regime=None)
@@ -208,7 +257,11 @@ def test_a_damaged_state_is_a_sentence_and_can_be_started_again_or_deleted(root)
         with pytest.raises(InputError, match="damaged"):
             cancel(job.id)
         (listed,) = list_jobs()
-        assert listed.state == "failed" and listed.kind == "bifurcation" and "damaged" in listed.message
+        assert (
+            listed.state == "failed"
+            and listed.kind == "bifurcation"
+            and "damaged" in listed.message
+        )
     assert submit("bifurcation", LINE).active
     cancel(job.id)
     (job.folder / "job.json").write_text("")
@@ -232,8 +285,20 @@ def test_foreign_files_are_neither_followed_nor_listed(root, tmp_path):
         delete(link.name)
 
 
-@pytest.mark.parametrize("name", ["", "..", "../x", "bifurcation", "bifurcation-0123456789abcdeg", "a/../b-0123456789abcdef",
-                                  "point-0123456789abcdef/..", "point-0123456789abcdef\n", None])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "",
+        "..",
+        "../x",
+        "bifurcation",
+        "bifurcation-0123456789abcdeg",
+        "a/../b-0123456789abcdef",
+        "point-0123456789abcdef/..",
+        "point-0123456789abcdef\n",
+        None,
+    ],
+)
 def test_bad_ids_are_refused(root, name):
     for ask in (find, cancel, delete):
         with pytest.raises(JobError, match="no job's id"):
@@ -248,14 +313,24 @@ def test_unknown_ids(root):
             ask(name)
 
 
-@pytest.mark.parametrize("kind, change, words", [
-    ("tea", {}, "kind"), ("bifurcation", {"vary": "speed"}, "--vary"), ("bifurcation", {"range": "1:2"}, "start:stop:count"),
-    ("bifurcation", {"range": None}, "start:stop:count"), ("bifurcation", {"at": "3"}, "at must be a number"),
-    ("bifurcation", {"at": float("nan")}, "at"), ("bifurcation", {"sweeps": "cold"}, "sweeps"),
-    ("bifurcation", {"settings": {"turns": 3}}, "settings"), ("bifurcation", {"settings": 3}, "settings"),
-    ("bifurcation", {"colour": 1}, "unknown"), ("bifurcation", {"design": {"bearing": {"clearance": -1.0}}}, "clearance"),
-    ("point", {}, "missing"), ("point", {"rotor_mass": -1, "bearing_number": 3}, "rotor mass"),
-])
+@pytest.mark.parametrize(
+    "kind, change, words",
+    [
+        ("tea", {}, "kind"),
+        ("bifurcation", {"vary": "speed"}, "--vary"),
+        ("bifurcation", {"range": "1:2"}, "start:stop:count"),
+        ("bifurcation", {"range": None}, "start:stop:count"),
+        ("bifurcation", {"at": "3"}, "at must be a number"),
+        ("bifurcation", {"at": float("nan")}, "at"),
+        ("bifurcation", {"sweeps": "cold"}, "sweeps"),
+        ("bifurcation", {"settings": {"turns": 3}}, "settings"),
+        ("bifurcation", {"settings": 3}, "settings"),
+        ("bifurcation", {"colour": 1}, "unknown"),
+        ("bifurcation", {"design": {"bearing": {"clearance": -1.0}}}, "clearance"),
+        ("point", {}, "missing"),
+        ("point", {"rotor_mass": -1, "bearing_number": 3}, "rotor mass"),
+    ],
+)
 def test_wrong_requests_are_sentences(root, kind, change, words):
     with pytest.raises(InputError, match=words):
         submit(kind, (LINE if kind == "bifurcation" else {}) | change)
@@ -288,21 +363,34 @@ def test_the_command_lists_cancels_and_deletes(root, capsys):
     assert json.loads(said("cancel", job.id, "--json"))["state"] == "cancelled"
     assert "cancelled" in said("list") and "of 300" in said("list")
     assert said("delete", job.id) == f"{job.id}: deleted\n" and not list_jobs()
-    assert "no job's id" in said("cancel", "../x", code=2) and "there is no job" in said("delete", job.id, code=2)
+    assert "no job's id" in said("cancel", "../x", code=2) and "there is no job" in said(
+        "delete", job.id, code=2
+    )
 
 
 def test_equal_requests_are_one():
-    for kind, given in (("bifurcation", LINE), ("point", {"rotor_mass": 4, "bearing_number": 3}),
-                        ("intervals", {"model": "tree", "divisor": 8})):
+    for kind, given in (
+        ("bifurcation", LINE),
+        ("point", {"rotor_mass": 4, "bearing_number": 3}),
+        ("intervals", {"model": "tree", "divisor": 8}),
+    ):
         checked = KINDS[kind].check(given)
         assert KINDS[kind].check(checked) == checked == json.loads(json.dumps(checked))
-    assert job_id("bifurcation", LINE | {"range": "4.0:6:3", "at": 3}) == job_id("bifurcation", LINE)
+    assert job_id("bifurcation", LINE | {"range": "4.0:6:3", "at": 3}) == job_id(
+        "bifurcation", LINE
+    )
     assert job_id("bifurcation", LINE | {"at": 3.1}) != job_id("bifurcation", LINE)
 
 
-@pytest.mark.parametrize(("wrong", "words"), [
-    ({"model": "oracle"}, "oracle"), ({"divisor": 9}, "divisor = 9 is not allowed"), ({"seed": 1000}, "seed"),
-    ({"made_from": {}}, "another since")])
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"model": "oracle"}, "oracle"),
+        ({"divisor": 9}, "divisor = 9 is not allowed"),
+        ({"seed": 1000}, "seed"),
+        ({"made_from": {}}, "another since"),
+    ],
+)
 def test_wrong_requests_of_intervals_are_refused(root, wrong, words):
     with pytest.raises(InputError, match=words):
         submit("intervals", {"model": "tree", "divisor": 8} | wrong)

@@ -1,10 +1,20 @@
-"""The compiled kernels compute the readable formulas, their derivatives and the exact solution of the step's system."""
+"""The compiled kernels compute the readable formulas, their derivatives and the exact solution of
+the step's system.
+"""
 
 import numpy as np
 import pytest
 
 from spab_core.solver.curvature import add_curvature, prepare_curvature
-from spab_core.solver.film import Mesh, build_film, film_array, film_force, film_index, film_size, film_slope
+from spab_core.solver.film import (
+    Mesh,
+    build_film,
+    film_array,
+    film_force,
+    film_index,
+    film_size,
+    film_slope,
+)
 from spab_core.solver.linear_solve import linearise, solve
 from spab_core.solver.rotor import build_rotor, rotor_slope
 from spab_core.solver.slope import build_work, slope, slope_tangent, time_slope
@@ -23,14 +33,14 @@ class Case:
         self.random = np.random.default_rng(7)
         self.u = self.vector(0.05)
         self.u[: self.n] += 1.0
-        self.u[self.n:self.n + 2] = 0.7, 0.62  # eccentricity 0.935: deep in contact
-        self.u[self.n + 4:self.n + 6] = 0.3, -0.2
+        self.u[self.n : self.n + 2] = 0.7, 0.62  # eccentricity 0.935: deep in contact
+        self.u[self.n + 4 : self.n + 6] = 0.3, -0.2
 
     def vector(self, scale=0.1):
         out = np.zeros(self.n + 8)
         places = film_index(self.film)
         out[places] = scale * self.random.standard_normal(places.shape)
-        out[self.n:] = scale * self.random.standard_normal(8)
+        out[self.n :] = scale * self.random.standard_normal(8)
         return out
 
     def slope(self, u, tau=None):
@@ -44,9 +54,17 @@ class Case:
         return out_v
 
 
-@pytest.fixture(params=[((4, 40), "fitted"), ((3, 22), "plain"), ((8, 16), "fitted"), ((6, 24), "plain"),
-                        ((12, 10), "fitted"), ((2, 8), "fitted")],
-                ids=lambda p: f"{p[0][0]}x{p[0][1]}-{p[1]}")
+@pytest.fixture(
+    params=[
+        ((4, 40), "fitted"),
+        ((3, 22), "plain"),
+        ((8, 16), "fitted"),
+        ((6, 24), "plain"),
+        ((12, 10), "fitted"),
+        ((2, 8), "fitted"),
+    ],
+    ids=lambda p: f"{p[0][0]}x{p[0][1]}-{p[1]}",
+)
 def case(request, design):
     return Case(design, Mesh(*request.param[0]), request.param[1])
 
@@ -56,10 +74,16 @@ def test_slope_is_the_readable_formula(case):
     out = case.slope(u)
     s, x, y = film_array(film, u), u[n], u[n + 1]
     readable = film_slope(film, s, x, y)
-    # Both are sums of M products, in another order and with fused products or without: beside 64-bit mantissas each is at most
-    # 2.1 times eps of the largest entry away, on numba 0.62 as on 0.68. That entry is 33 on 2x8 and 29,379 on 12x10.
+    # Both are sums of M products, in another order and with fused products or without: beside
+    # 64-bit mantissas each is at most 2.1 times eps of the largest entry away, on numba 0.62 as on
+    # 0.68. That entry is 33 on 2x8 and 29,379 on 12x10.
     assert np.abs(film_array(film, out) - readable).max() < 8.0 * EPS * np.abs(readable).max()
-    assert np.allclose(out[n:], rotor_slope(rotor, case.tau, u[n:], film_force(film, s, x, y)), rtol=1e-12, atol=1e-12)
+    assert np.allclose(
+        out[n:],
+        rotor_slope(rotor, case.tau, u[n:], film_force(film, s, x, y)),
+        rtol=1e-12,
+        atol=1e-12,
+    )
 
 
 def test_padded_cells_never_move(case):
@@ -76,7 +100,9 @@ def test_tangent_is_the_derivative_of_the_slope(case):
 
 def test_curvature_is_the_derivative_of_the_tangent(case):
     v, w, step = case.vector(), case.vector(), 1e-6
-    difference = (case.tangent(case.u + step * w, v) - case.tangent(case.u - step * w, v)) / (2.0 * step)
+    difference = (case.tangent(case.u + step * w, v) - case.tangent(case.u - step * w, v)) / (
+        2.0 * step
+    )
     assert linearise(case.system, 0.1, case.u, case.work)
     prepare_curvature(case.system, case.u, v, case.work)
     exact = np.zeros(case.n + 8)
@@ -91,12 +117,16 @@ def test_solve_inverts_identity_minus_step_times_jacobian(case, step):
     x = right.copy()
     assert linearise(case.system, step, case.u, case.work)
     solve(case.system, case.work, x)
-    assert np.abs(x - step * jacobian @ x - right).max() < 1e-10 * max(1.0, step * np.abs(jacobian).max())
+    assert np.abs(x - step * jacobian @ x - right).max() < 1e-10 * max(
+        1.0, step * np.abs(jacobian).max()
+    )
 
 
 def test_time_slope_is_the_derivative_with_respect_to_tau(case):
     step = 1e-6
-    difference = (case.slope(case.u, case.tau + step) - case.slope(case.u, case.tau - step)) / (2.0 * step)
+    difference = (case.slope(case.u, case.tau + step) - case.slope(case.u, case.tau - step)) / (
+        2.0 * step
+    )
     exact = np.zeros(case.n + 8)
     time_slope(case.system, case.tau, exact)
     assert np.abs(difference - exact).max() < 1e-8

@@ -27,17 +27,26 @@ from tests.unit.test_surrogates import map_of
 def rows():
     m = load_reference_map()
     cells = {name: getattr(m, name)[::2, ::5].copy() for name in FIELDS}
-    m = dataclasses.replace(m, bearing_number=m.bearing_number[::2], rotor_mass=m.rotor_mass[::5], **cells)
+    m = dataclasses.replace(
+        m, bearing_number=m.bearing_number[::2], rotor_mass=m.rotor_mass[::5], **cells
+    )
     return learning_curve(m, (0,), ("tree",))
 
 
 @pytest.mark.slow
 def test_both_strategies_at_the_same_numbers_of_cells(rows):
-    assert tuple(rows.columns) == COLUMNS and np.isfinite(rows[["rmse", "rmse_undamped", "mae", "chaos_f1"]]).all(axis=None)
+    assert tuple(rows.columns) == COLUMNS and np.isfinite(
+        rows[["rmse", "rmse_undamped", "mae", "chaos_f1"]]
+    ).all(axis=None)
     for judged, divisors in (("unsolved", DIVISORS), ("withheld", WITHHELD_DIVISORS)):
         found = rows[(rows["judged"] == judged) & (rows["model"] == COMMITTEE)]
-        solved = {s: found[found["strategy"] == s].set_index("divisor")["solved"] for s in ("refine", "random")}
-        assert tuple(solved["refine"].index) == divisors and tuple(solved["random"].index) == DIVISORS
+        solved = {
+            s: found[found["strategy"] == s].set_index("divisor")["solved"]
+            for s in ("refine", "random")
+        }
+        assert (
+            tuple(solved["refine"].index) == divisors and tuple(solved["random"].index) == DIVISORS
+        )
         assert (solved["refine"] == solved["random"][list(divisors)]).all()
     tree = rows[rows["model"] == "tree"]
     assert set(tree["divisor"]) == {4} and len(tree) == 2 and tree["accuracy"].isna().all()
@@ -58,18 +67,33 @@ def test_file_and_figure(rows, tmp_path):
 
 
 def made_up(refined, committee, tree):
-    values = [("refine", COMMITTEE, 16, *refined), ("random", COMMITTEE, 4, *committee), ("random", "tree", 4, *tree)]
-    rows = [(strategy, name, "unsolved", divisor, 100, seed, error + 0.1 * seed, error, 0.0, 1.0, f1)
-            for strategy, name, divisor, error, f1 in values for seed in (0, 1)]
+    values = [
+        ("refine", COMMITTEE, 16, *refined),
+        ("random", COMMITTEE, 4, *committee),
+        ("random", "tree", 4, *tree),
+    ]
+    rows = [
+        (strategy, name, "unsolved", divisor, 100, seed, error + 0.1 * seed, error, 0.0, 1.0, f1)
+        for strategy, name, divisor, error, f1 in values
+        for seed in (0, 1)
+    ]
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
 def test_the_goal_by_hand():
     found = goal(made_up((0.2, 0.95), (0.3, 0.94), (0.1, 0.96)))
-    assert found.loc["rmse", "refined"] == pytest.approx(0.25) and found.loc["rmse", "best"] == pytest.approx(0.15)
-    assert found["met"].all() and not found["met_best"].any() and set(found["best_model"]) == {"tree"}
+    assert found.loc["rmse", "refined"] == pytest.approx(0.25) and found.loc[
+        "rmse", "best"
+    ] == pytest.approx(0.15)
+    assert (
+        found["met"].all() and not found["met_best"].any() and set(found["best_model"]) == {"tree"}
+    )
     found = goal(made_up((0.4, 0.95), (0.3, 0.96), (0.5, 0.90)))
-    assert not found["met"].any() and not found["met_best"].any() and set(found["best_model"]) == {COMMITTEE}
+    assert (
+        not found["met"].any()
+        and not found["met_best"].any()
+        and set(found["best_model"]) == {COMMITTEE}
+    )
 
 
 def test_what_cannot_be_read_or_is_too_small_is_said(tmp_path):

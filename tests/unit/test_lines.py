@@ -31,9 +31,13 @@ def test_lines_are_small():
 @pytest.mark.slow
 def test_points_of_a_line_come_out_of_this_solver(line):
     cold = line.branches["cold"]
-    settled = np.flatnonzero((cold.regime == "periodic") & (cold.mle < -0.05) & (cold.mle_standard_error < 0.005))
+    settled = np.flatnonzero(
+        (cold.regime == "periodic") & (cold.mle < -0.05) & (cold.mle_standard_error < 0.005)
+    )
     for k in np.random.default_rng(3).choice(settled, 4, replace=False):
-        mass, number = (line.values[k], line.at) if line.vary == "rotor-mass" else (line.at, line.values[k])
+        mass, number = (
+            (line.values[k], line.at) if line.vary == "rotor-mass" else (line.at, line.values[k])
+        )
         point = solve_point(reference_design(), mass, number, Settings(revolutions=300))
         assert (point.regime.name, point.regime.period) == (cold.regime[k], cold.period[k])
         assert point.mle.value == pytest.approx(cold.mle[k], abs=0.01)
@@ -45,5 +49,8 @@ def test_diagrams_are_drawn(line, coordinate):
     sections = [t for t in figure.data if t.type == "scattergl"]
     assert len(sections) == len(SWEEPS) and all(len(t.x) > len(line.values) for t in sections)
     symbol = coordinate.replace("1", "₁").replace("2", "₂")
-    assert figure.layout.yaxis.title.text.startswith(f"{symbol} / C") and figure.layout.xaxis2.title.text
+    assert (
+        figure.layout.yaxis.title.text.startswith(f"{symbol} / C")
+        and figure.layout.xaxis2.title.text
+    )
     assert all(np.isfinite(np.asarray(t.y, float)).all() for t in sections)

@@ -1,4 +1,6 @@
-"""The engine for maps: the same bits for any number of workers and on a cluster that loses a worker; one run at a time."""
+"""The engine for maps: the same bits for any number of workers and on a cluster that loses a
+worker; one run at a time.
+"""
 
 import os
 import signal
@@ -40,22 +42,38 @@ def test_workers_do_not_change_a_bit(design, alone, workers):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
-def test_a_cluster_that_loses_a_worker_completes_with_the_same_bits(design, alone, tmp_path, monkeypatch):
-    """A real Dask cluster of two worker processes; one of them is killed when the first chunk is done."""
-    # new processes would run this process's main module again, which an earlier AppTest replaced by the page
+def test_a_cluster_that_loses_a_worker_completes_with_the_same_bits(
+    design, alone, tmp_path, monkeypatch
+):
+    """A real Dask cluster of two worker processes; one of them is killed when the first chunk is
+    done.
+    """
+    # new processes would run this process's main module again, which an earlier AppTest replaced by
+    # the page
     monkeypatch.setitem(sys.modules, "__main__", types.ModuleType("__main__"))
-    distributed = pytest.importorskip("distributed", reason="the extra spab-core[dask] is not installed")
+    distributed = pytest.importorskip(
+        "distributed", reason="the extra spab-core[dask] is not installed"
+    )
     killed = []
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None,
-                                  host="127.0.0.1") as cluster:
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+    ) as cluster:
+
         def kill_one(done):
             if done and not killed:
                 with distributed.Client(cluster.scheduler_address) as client:
                     killed.append(next(iter(client.run(os.getpid).values())))
                 os.kill(killed[0], signal.SIGKILL)
 
-        found = compute_map(design, NUMBERS, MASSES, SHORT, cluster=cluster.scheduler_address, parts=tmp_path / "parts",
-                            progress=kill_one)
+        found = compute_map(
+            design,
+            NUMBERS,
+            MASSES,
+            SHORT,
+            cluster=cluster.scheduler_address,
+            parts=tmp_path / "parts",
+            progress=kill_one,
+        )
     assert killed
     assert_same(alone, found)
     assert found.metadata["workers"] == "dask"
@@ -67,15 +85,29 @@ def test_a_cluster_that_does_not_answer_is_a_sentence(capsys, tmp_path, monkeypa
     pytest.importorskip("distributed", reason="the extra spab-core[dask] is not installed")
     monkeypatch.setattr("spab_core.maps.parallel.CLUSTER_SECONDS", 1)
     for address in ("tcp://127.0.0.1:9", "nonsense", ""):
-        code = main(["map", "--bearing-number", "2:4:2", "--rotor-mass", "3:9:2", "--out", str(tmp_path / "m.npz"), "--dask",
-                     address])
+        code = main(
+            [
+                "map",
+                "--bearing-number",
+                "2:4:2",
+                "--rotor-mass",
+                "3:9:2",
+                "--out",
+                str(tmp_path / "m.npz"),
+                "--dask",
+                address,
+            ]
+        )
         error = capsys.readouterr().err
         assert code == 2 and "--dask" in error.splitlines()[-1] and "Traceback" not in error
 
 
 def test_two_runs_do_not_share_their_parts(design, tmp_path):
     open_run(tmp_path / "parts", design, NUMBERS, MASSES, SHORT)
-    with filelock.FileLock(tmp_path / "parts" / "lock"), pytest.raises(MapError, match="another run is at work"):
+    with (
+        filelock.FileLock(tmp_path / "parts" / "lock"),
+        pytest.raises(MapError, match="another run is at work"),
+    ):
         compute_map(design, NUMBERS, MASSES, SHORT, parts=tmp_path / "parts")
 
 
@@ -93,7 +125,12 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(design, alone, tmp_path):
     kept = len(list((tmp_path / "parts").glob("chunk-*.npz")))
     assert 3 <= kept < 8
     counts = []
-    assert_same(alone, compute_map(design, NUMBERS, MASSES, SHORT, parts=tmp_path / "parts", progress=counts.append))
+    assert_same(
+        alone,
+        compute_map(
+            design, NUMBERS, MASSES, SHORT, parts=tmp_path / "parts", progress=counts.append
+        ),
+    )
     assert counts[0] == 25 * kept and sum(counts) == 200
 
 
@@ -105,5 +142,12 @@ def test_workers_with_another_solver_are_refused(design, monkeypatch):
 
 def test_progress_never_runs_in_two_threads(design):
     threads = set()
-    compute_map(design, NUMBERS[:2], MASSES[:15], SHORT, workers=2, progress=lambda n: threads.add(threading.get_ident()))
+    compute_map(
+        design,
+        NUMBERS[:2],
+        MASSES[:15],
+        SHORT,
+        workers=2,
+        progress=lambda n: threads.add(threading.get_ident()),
+    )
     assert threads == {threading.get_ident()}

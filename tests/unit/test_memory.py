@@ -1,4 +1,6 @@
-"""The memory of the dashboard's server: shared arenas, and what is not searched for garbage (spab_core/ui/memory.py)."""
+"""The memory of the dashboard's server: shared arenas, and what is not searched for garbage
+(spab_core/ui/memory.py).
+"""
 
 import gc
 import os
@@ -37,13 +39,22 @@ with tempfile.NamedTemporaryFile() as file:
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="arenas are glibc's")
 def test_threads_share_two_arenas_once_the_server_has_asked():
-    """Twelve threads that allocate at once: left alone they get arenas of their own, which is why it is asked for."""
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(("MALLOC_", "GLIBC_TUNABLES"))}
+    """Twelve threads that allocate at once: left alone they get arenas of their own, which is why
+    it is asked for.
+    """
+    environment = {
+        k: v for k, v in os.environ.items() if not k.startswith(("MALLOC_", "GLIBC_TUNABLES"))
+    }
     environment["OPENBLAS_NUM_THREADS"] = "1"
 
     def arenas(how):
-        done = subprocess.run([sys.executable, "-W", "ignore", "-c", PROGRAM, how], capture_output=True, text=True,
-                              env=environment, check=True)
+        done = subprocess.run(
+            [sys.executable, "-W", "ignore", "-c", PROGRAM, how],
+            capture_output=True,
+            text=True,
+            env=environment,
+            check=True,
+        )
         return int(done.stdout)
 
     assert arenas("bound") <= 2 < arenas("alone")
@@ -55,7 +66,10 @@ def searched(thing):
 
 
 def test_what_lasts_is_searched_for_garbage_twice_a_page_and_no_more():
-    """What lives before the second run is left out; what comes later is not, and is still collected."""
+    """What lives before the second run is left out; what comes later is not, and is still
+    collected.
+    """
+
     class Node:
         pass
 

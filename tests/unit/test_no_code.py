@@ -1,4 +1,6 @@
-"""No code from data: a file that would make a folder when unpickled, put in each place that spab reads from, never does."""
+"""No code from data: a file that would make a folder when unpickled, put in each place that spab
+reads from, never does.
+"""
 
 import io
 import json
@@ -27,7 +29,12 @@ from spab_core.maps.checkpoints import read_part
 from spab_core.maps.sensitivity import load_sensitivity
 from spab_core.maps.stability_map import FIELDS, load_map, map_bytes
 from spab_core.shipped import model_cache
-from spab_core.shipped.manifest import ArtifactError, checked_bytes, load_reference_map, write_manifest
+from spab_core.shipped.manifest import (
+    ArtifactError,
+    checked_bytes,
+    load_reference_map,
+    write_manifest,
+)
 from spab_core.shipped.model_store import find_model, load_shipped_map, model_file
 from spab_core.surrogates.models import model
 from spab_core.surrogates.uncertainty import load_intervals
@@ -63,8 +70,27 @@ def dumped(marker, how):
     elif how == "npy":
         np.save(buffer, np.array([Bomb(marker)], object), allow_pickle=True)
     else:
-        np.savez(buffer, **dict.fromkeys((*FIELDS, "bearing_number", "rotor_mass", "metadata", "values", "inputs", "mle", "low",
-                                          "section", "trace", "run", "cells", "batch"), np.array([Bomb(marker)], object)))
+        np.savez(
+            buffer,
+            **dict.fromkeys(
+                (
+                    *FIELDS,
+                    "bearing_number",
+                    "rotor_mass",
+                    "metadata",
+                    "values",
+                    "inputs",
+                    "mle",
+                    "low",
+                    "section",
+                    "trace",
+                    "run",
+                    "cells",
+                    "batch",
+                ),
+                np.array([Bomb(marker)], object),
+            ),
+        )
     return buffer.getvalue()
 
 
@@ -90,8 +116,16 @@ def test_the_bomb_goes_off_where_it_is_unpickled(marker, how):
 def test_no_loader_of_files_unpickles(marker, tmp_path, how):
     path, data, m = tmp_path / "file", dumped(marker, how), load_reference_map()
     path.write_bytes(data)
-    for load in (load_map, load_refinement, load_bifurcation, load_point, load_samples, load_sensitivity,
-                 lambda p: load_intervals(p, m), lambda p: read_part(p, FIELDS, FIELDS, 1, "run")):
+    for load in (
+        load_map,
+        load_refinement,
+        load_bifurcation,
+        load_point,
+        load_samples,
+        load_sensitivity,
+        lambda p: load_intervals(p, m),
+        lambda p: read_part(p, FIELDS, FIELDS, 1, "run"),
+    ):
         with pytest.raises(InputError):
             load(path)
     with pytest.raises(UNREADABLE), open_npz(data) as arrays:
@@ -99,10 +133,22 @@ def test_no_loader_of_files_unpickles(marker, tmp_path, how):
     for read in (read_samples, read_design_bytes):  # uploads
         with pytest.raises(InputError):
             read(data)
-    for argv in (["margin", "--map", str(path), "--rotor-mass", "4", "--bearing-number", "3"],
-                 ["export", str(path), "--out", str(tmp_path / "x.csv")],
-                 ["stiffness", "--bearing-number", "3", "--design", str(path)],
-                 ["predict", "--map", str(path), "--model", "tree", "--rotor-mass", "4", "--bearing-number", "3"]):
+    for argv in (
+        ["margin", "--map", str(path), "--rotor-mass", "4", "--bearing-number", "3"],
+        ["export", str(path), "--out", str(tmp_path / "x.csv")],
+        ["stiffness", "--bearing-number", "3", "--design", str(path)],
+        [
+            "predict",
+            "--map",
+            str(path),
+            "--model",
+            "tree",
+            "--rotor-mass",
+            "4",
+            "--bearing-number",
+            "3",
+        ],
+    ):
         assert main(argv) == 2
     assert not marker.exists()
 
@@ -113,16 +159,23 @@ def test_no_array_of_a_map_is_unpickled(marker, tmp_path, name):
     piece = io.BytesIO()
     np.lib.format.write_array(piece, np.array([Bomb(marker)], object), allow_pickle=True)
     path = tmp_path / "map.npz"
-    with zipfile.ZipFile(io.BytesIO(map_bytes(load_reference_map()))) as good, zipfile.ZipFile(path, "w") as spoilt:
+    with (
+        zipfile.ZipFile(io.BytesIO(map_bytes(load_reference_map()))) as good,
+        zipfile.ZipFile(path, "w") as spoilt,
+    ):
         for member in good.namelist():
-            spoilt.writestr(member, piece.getvalue() if member == f"{name}.npy" else good.read(member))
+            spoilt.writestr(
+                member, piece.getvalue() if member == f"{name}.npy" else good.read(member)
+            )
     with pytest.raises(InputError, match="neither numbers nor text"):
         load_map(path)
     assert not marker.exists()
 
 
 @pytest.mark.parametrize("how", HOW)
-def test_no_file_in_artifacts_is_unpickled_that_the_manifest_does_not_name(marker, tmp_path, how, monkeypatch):
+def test_no_file_in_artifacts_is_unpickled_that_the_manifest_does_not_name(
+    marker, tmp_path, how, monkeypatch
+):
     monkeypatch.setenv("SPAB_CACHE", str(tmp_path / "cache"))
     folder, m = tmp_path / "artifacts", load_reference_map()
     folder.mkdir()
@@ -149,7 +202,10 @@ def test_no_file_in_the_cache_is_unpickled_without_its_note(marker, tmp_path, ho
     kept = next(cache.glob("*.joblib"))
     good = kept.read_bytes()
     kept.write_bytes(dumped(marker, how))
-    assert find_model(m, TREE, 8, seed=5, folder=None).origin == "trained" and kept.read_bytes() == good
+    assert (
+        find_model(m, TREE, 8, seed=5, folder=None).origin == "trained"
+        and kept.read_bytes() == good
+    )
     (cache / "other.joblib").write_bytes(dumped(marker, how))
     assert model_cache.read("other.joblib") is None
     assert not marker.exists()
@@ -161,8 +217,20 @@ def test_no_file_of_a_job_is_unpickled(marker, how):
     name, parameters = jobs._request(kind, request)
     folder = jobs.jobs_folder() / name
     folder.mkdir()
-    state = {"kind": kind, "parameters": parameters, "state": "done", "done": 1, "total": 1, "kept": 0, "created": 1e9,
-             "queued": 1e9, "started": 1e9, "finished": 1e9, "message": "", "pid": None}
+    state = {
+        "kind": kind,
+        "parameters": parameters,
+        "state": "done",
+        "done": 1,
+        "total": 1,
+        "kept": 0,
+        "created": 1e9,
+        "queued": 1e9,
+        "started": 1e9,
+        "finished": 1e9,
+        "message": "",
+        "pid": None,
+    }
     jobs._write(folder, state)
     (folder / "result.npz").write_bytes(dumped(marker, how))
     with pytest.raises(InputError):
@@ -176,35 +244,77 @@ def test_no_file_of_a_job_is_unpickled(marker, how):
 
 
 def test_nothing_else_in_the_sources_unpickles():
-    """The one call of joblib.load stands behind the checks of pretrained.py; nothing allows pickles, evaluates or executes."""
+    """The one call of joblib.load stands behind the checks of pretrained.py; nothing allows
+    pickles, evaluates or executes.
+    """
     found = []
-    for path in sorted([*(ROOT / "spab_core").rglob("*.py"), *(ROOT / "pages").glob("*.py"), ROOT / "app.py"]):
+    for path in sorted(
+        [*(ROOT / "spab_core").rglob("*.py"), *(ROOT / "pages").glob("*.py"), ROOT / "app.py"]
+    ):
         for line in path.read_text().splitlines():
-            if any(word in line for word in ("joblib.load(", "pickle.load", "allow_pickle=True", "read_pickle", " eval(",
-                                             " exec(", "shell=True", "os.system", "yaml.load", "np.load(")):
+            if any(
+                word in line
+                for word in (
+                    "joblib.load(",
+                    "pickle.load",
+                    "allow_pickle=True",
+                    "read_pickle",
+                    " eval(",
+                    " exec(",
+                    "shell=True",
+                    "os.system",
+                    "yaml.load",
+                    "np.load(",
+                )
+            ):
                 found.append(f"{path.relative_to(ROOT)}: {line.strip()}")
-    assert found == ["spab_core/linear_theory/linear_table.py: with np.load(io.BytesIO(data), allow_pickle=False) as file:",
-                     "spab_core/shipped/model_store.py: found = joblib.load(io.BytesIO(data))"]
+    assert found == [
+        "spab_core/linear_theory/linear_table.py: with np.load(io.BytesIO(data), "
+        "allow_pickle=False) as file:",
+        "spab_core/shipped/model_store.py: found = joblib.load(io.BytesIO(data))",
+    ]
 
 
 def test_served_to_this_machine_alone(tmp_path):
-    """The configuration says so, and so does the socket of ``spab dashboard``: no other address of this machine answers."""
-    assert tomllib.loads((ROOT / ".streamlit" / "config.toml").read_text())["server"]["address"] == "127.0.0.1"
+    """The configuration says so, and so does the socket of ``spab dashboard``: no other address of
+    this machine answers.
+    """
+    assert (
+        tomllib.loads((ROOT / ".streamlit" / "config.toml").read_text())["server"]["address"]
+        == "127.0.0.1"
+    )
     with socket.socket() as trial:
         trial.bind(("127.0.0.1", 0))
         port = trial.getsockname()[1]
     with (tmp_path / "log").open("wb") as log:
-        server = subprocess.Popen([sys.executable, "-m", "spab_core.cli.main", "dashboard", "--port", str(port), "--headless"],
-                                  cwd=tmp_path, stdout=log, stderr=log, env=os.environ | {"PYTHONPATH": str(ROOT)})
+        server = subprocess.Popen(
+            [
+                sys.executable,
+                "-m",
+                "spab_core.cli.main",
+                "dashboard",
+                "--port",
+                str(port),
+                "--headless",
+            ],
+            cwd=tmp_path,
+            stdout=log,
+            stderr=log,
+            env=os.environ | {"PYTHONPATH": str(ROOT)},
+        )
     try:
         until = time.monotonic() + 60
         while True:
             try:
-                with urllib.request.urlopen(f"http://127.0.0.1:{port}/_stcore/health", timeout=5) as answer:
+                with urllib.request.urlopen(
+                    f"http://127.0.0.1:{port}/_stcore/health", timeout=5
+                ) as answer:
                     assert answer.status == 200
                 break
             except OSError:
-                assert time.monotonic() < until and server.poll() is None, (tmp_path / "log").read_text()
+                assert time.monotonic() < until and server.poll() is None, (
+                    tmp_path / "log"
+                ).read_text()
                 time.sleep(0.2)
         with socket.socket() as other:
             other.settimeout(5)

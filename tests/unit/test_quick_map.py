@@ -7,7 +7,13 @@ import types
 import numpy as np
 import pytest
 
-from spab_core.active_learning.quick_map import as_map, check_cluster, check_quick_map, quick_map, usual_plane
+from spab_core.active_learning.quick_map import (
+    as_map,
+    check_cluster,
+    check_quick_map,
+    quick_map,
+    usual_plane,
+)
 from spab_core.active_learning.refine import load_refinement
 from spab_core.cli.main import main
 from spab_core.common.errors import InputError
@@ -22,12 +28,23 @@ def test_solved_cells_are_untouched_and_the_whole_is_a_map(tmp_path):
     refined = load_reference_refinement()
     m = as_map(refined)
     for name in FIELDS:
-        assert np.array_equal(getattr(m, name)[refined.solved], refined.values[name][refined.solved])
+        assert np.array_equal(
+            getattr(m, name)[refined.solved], refined.values[name][refined.solved]
+        )
     open_cells = ~refined.solved
-    assert np.array_equal(m.regime[open_cells], refined.regime[open_cells]) and not m.revolutions[open_cells].any()
+    assert (
+        np.array_equal(m.regime[open_cells], refined.regime[open_cells])
+        and not m.revolutions[open_cells].any()
+    )
     periodic = m.regime == "periodic"
-    assert (m.period[periodic] > 0).all() and not m.period[~periodic].any() and np.isfinite(m.mle).all()
-    save_map(m, tmp_path / "filled.npz")  # its checks hold: regime, status and exponent fit together
+    assert (
+        (m.period[periodic] > 0).all()
+        and not m.period[~periodic].any()
+        and np.isfinite(m.mle).all()
+    )
+    save_map(
+        m, tmp_path / "filled.npz"
+    )  # its checks hold: regime, status and exponent fit together
     assert np.array_equal(load_map(tmp_path / "filled.npz").regime, m.regime)
     assert (m.regime == load_reference_map().regime).mean() > 0.97
 
@@ -41,8 +58,14 @@ def test_the_usual_plane_of_every_preset_is_allowed():
 
 
 def test_wrong_planes():
-    for number, mass, seconds in (("0:1:10", "1:2:10", 60.0), ("1:2:10", "1:2000:10", 60.0), ("1:2:1000", "1:2:1000", 60.0),
-                                  ("1:2:10", "1:2:10", 1.0), ("1:2", "1:2:10", 60.0), ("1:2:2", "1:2:2", 60.0)):
+    for number, mass, seconds in (
+        ("0:1:10", "1:2:10", 60.0),
+        ("1:2:10", "1:2000:10", 60.0),
+        ("1:2:1000", "1:2:1000", 60.0),
+        ("1:2:10", "1:2:10", 1.0),
+        ("1:2", "1:2:10", 60.0),
+        ("1:2:2", "1:2:2", 60.0),
+    ):
         try:
             check_quick_map(number, mass, seconds)
         except InputError as error:
@@ -57,20 +80,32 @@ def test_no_gravity_has_a_plane_too():
 
 
 def test_on_a_cluster_the_same_cells_have_the_same_values(tmp_path, design, monkeypatch):
-    monkeypatch.setitem(sys.modules, "__main__", types.ModuleType("__main__"))  # new processes would run this one's again
+    monkeypatch.setitem(
+        sys.modules, "__main__", types.ModuleType("__main__")
+    )  # new processes would run this one's again
     distributed = pytest.importorskip("distributed")
     number, mass = np.linspace(2.0, 4.0, 4), np.linspace(3.0, 9.0, 5)
     settings = Settings("2x16", transient=20, revolutions=20)
     here = quick_map(design, number, mass, settings, seconds=300.0, parts=tmp_path / "here")
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None,
-                                  silence_logs=50) as cluster:
-        there = quick_map(design, number, mass, settings, seconds=300.0, parts=tmp_path / "there",
-                          cluster=check_cluster(cluster.scheduler_address))
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        there = quick_map(
+            design,
+            number,
+            mass,
+            settings,
+            seconds=300.0,
+            parts=tmp_path / "there",
+            cluster=check_cluster(cluster.scheduler_address),
+        )
     assert here.solved.all() and there.solved.all()
     assert np.array_equal(here.values["mle"], there.values["mle"])
 
 
-@pytest.mark.parametrize("address", ["host", "file:///etc/passwd", "tcp://a b:1", "tcp://host", 7, "http://x:80"])
+@pytest.mark.parametrize(
+    "address", ["host", "file:///etc/passwd", "tcp://a b:1", "tcp://host", 7, "http://x:80"]
+)
 def test_what_is_no_scheduler(address):
     with pytest.raises(InputError, match="no address"):
         check_cluster(address)
@@ -79,13 +114,34 @@ def test_what_is_no_scheduler(address):
 def test_the_command_maps_and_its_map_has_margins(tmp_path, capsys):
     plane = ["--bearing-number", "2:4:5", "--rotor-mass", "3:9:5"]
     out, filled = tmp_path / "own.npz", tmp_path / "filled.npz"
-    assert main(["design", "map", *plane, "--minutes", "5", "--workers", "1", "--out", str(out), "--map-out", str(filled),
-                 "--json"]) == 0
+    assert (
+        main(
+            [
+                "design",
+                "map",
+                *plane,
+                "--minutes",
+                "5",
+                "--workers",
+                "1",
+                "--out",
+                str(out),
+                "--map-out",
+                str(filled),
+                "--json",
+            ]
+        )
+        == 0
+    )
     answer = json.loads(capsys.readouterr().out)
     assert answer["solved"] == answer["cells"] == 25 and load_refinement(out).solved.all()
     assert not (tmp_path / "own.npz.parts").exists()
     assert main(["margin", "--map", str(filled), "--rotor-mass", "6", "--bearing-number", "3"]) == 0
-    for wrong, told in ((["--minutes", "0"], "seconds = 0 s is out of range"), (["--workers", "0"], "--workers = 0"),
-                        (["--dask", "nowhere"], "no address"), (["--preset", "none"], "no preset 'none'")):
+    for wrong, told in (
+        (["--minutes", "0"], "seconds = 0 s is out of range"),
+        (["--workers", "0"], "--workers = 0"),
+        (["--dask", "nowhere"], "no address"),
+        (["--preset", "none"], "no preset 'none'"),
+    ):
         assert main(["design", "map", *plane, "--out", str(out), *wrong]) == 2
         assert told in capsys.readouterr().err

@@ -37,7 +37,9 @@ def test_a_cycle_longer_than_sixteen_is_not_called_periodic():
 
 
 def test_torus_and_chaos_are_told_by_the_exponent():
-    golden = _section(lambda k: (0.3 * np.cos(1.618 * k * 2 * np.pi), 0.3 * np.sin(1.618 * k * 2 * np.pi)))
+    golden = _section(
+        lambda k: (0.3 * np.cos(1.618 * k * 2 * np.pi), 0.3 * np.sin(1.618 * k * 2 * np.pi))
+    )
     assert classify(golden, _mle(0.003)).text == "quasi-periodic"
     assert classify(golden, _mle(0.3, 0.02)).text == "chaotic"
     assert classify(golden, _mle(0.3, 0.2)).text == "quasi-periodic"  # not three standard errors
@@ -45,7 +47,9 @@ def test_torus_and_chaos_are_told_by_the_exponent():
 
 
 def test_a_cycle_still_approached_is_periodic():
-    section = _section(lambda k: (0.2 * (-1.0) ** k + 0.1 * np.exp(-0.01 * k) * np.cos(2.4 * k), 0.0 * k))
+    section = _section(
+        lambda k: (0.2 * (-1.0) ** k + 0.1 * np.exp(-0.01 * k) * np.cos(2.4 * k), 0.0 * k)
+    )
     assert section_period(section) == 0
     assert classify(section, _mle(-0.01, 0.001)) == Regime("periodic", 2)
     assert classify(section, _mle(0.0, 0.001)).text == "quasi-periodic"

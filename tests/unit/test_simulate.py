@@ -27,7 +27,9 @@ def test_touchdown_is_a_status(design):
 
 
 def test_film_without_gas_is_a_status(design):
-    """25 kg, Lambda 8.5 on 32 azimuths: behind the contact a cell loses all gas, and the step shrinks to nothing."""
+    """25 kg, Lambda 8.5 on 32 azimuths: behind the contact a cell loses all gas, and the step
+    shrinks to nothing.
+    """
     point = solve_point(design, 25.0, 8.5, Settings(mesh=Mesh(4, 32), transient=40, revolutions=20))
     assert point.trajectory.status == "step-too-small"
     assert point.mle is None and "finer mesh" in point.verdict()
@@ -41,7 +43,10 @@ def test_too_many_steps_is_a_status(make_run):
 def test_steps_are_as_many_as_measured(design):
     """A wrong Jacobian still gives right answers, by far more steps: hold their number."""
     whole = dataclasses.replace(SHORT, early_stop=False)
-    steps = [solve_point(design, m, b, whole).trajectory.steps / 60 for m, b in ((7.0, 6.0), (18.0, 4.5), (10.0, 0.25))]
+    steps = [
+        solve_point(design, m, b, whole).trajectory.steps / 60
+        for m, b in ((7.0, 6.0), (18.0, 4.5), (10.0, 0.25))
+    ]
     assert max(steps) < 80.0 and min(steps) < 20.0, steps
 
 
@@ -55,9 +60,16 @@ def test_paths_pass_through_the_section(design):
 
 
 def test_path_is_close_to_a_finely_resolved_one(design):
-    coarse = solve_point(design, 4.0, 3.0, dataclasses.replace(SHORT, tolerance=2e-4), path_revolutions=3)
-    fine = solve_point(design, 4.0, 3.0, Settings(mesh=Mesh(3, 24), transient=20, revolutions=40, tolerance=1e-9),
-                       path_revolutions=3)
+    coarse = solve_point(
+        design, 4.0, 3.0, dataclasses.replace(SHORT, tolerance=2e-4), path_revolutions=3
+    )
+    fine = solve_point(
+        design,
+        4.0,
+        3.0,
+        Settings(mesh=Mesh(3, 24), transient=20, revolutions=40, tolerance=1e-9),
+        path_revolutions=3,
+    )
     assert np.abs(coarse.trajectory.path - fine.trajectory.path)[..., :4].max() < 2e-3
 
 
@@ -70,34 +82,57 @@ def test_runs_repeat_bit_for_bit_and_do_not_depend_on_recording(design):
 
 
 def test_rigid_rotor_is_the_stiff_limit_of_the_elastic_one(design):
-    rigid = solve_point(design.replace(rotor__shaft_stiffness=math.inf), 6.0, 2.0, SHORT, path_revolutions=2)
-    stiff = solve_point(design.replace(rotor__shaft_stiffness=1e11), 6.0, 2.0, SHORT, path_revolutions=2)
+    rigid = solve_point(
+        design.replace(rotor__shaft_stiffness=math.inf), 6.0, 2.0, SHORT, path_revolutions=2
+    )
+    stiff = solve_point(
+        design.replace(rotor__shaft_stiffness=1e11), 6.0, 2.0, SHORT, path_revolutions=2
+    )
     assert np.abs(rigid.trajectory.section[:, :4] - stiff.trajectory.section[:, :4]).max() < 2e-3
     assert np.array_equal(rigid.trajectory.path[..., 0:2], rigid.trajectory.path[..., 2:4])
     assert rigid.mle.value == pytest.approx(stiff.mle.value, abs=0.05)
 
 
 def test_the_whole_plane_of_the_map_runs(design):
-    """Corners and edges of the plane, where film, journal and contact are stiffest: finite exponents, status ok."""
+    """Corners and edges of the plane, where film, journal and contact are stiffest: finite
+    exponents, status ok.
+    """
     for mass in (0.1, 5.0, 25.0):
         for bearing_number in (0.05, 0.5, 8.5):
-            point = solve_point(design, mass, bearing_number, Settings(transient=40, revolutions=20))
+            point = solve_point(
+                design, mass, bearing_number, Settings(transient=40, revolutions=20)
+            )
             assert point.trajectory.status == "ok", (mass, bearing_number)
             assert math.isfinite(point.mle.value)
 
 
-@pytest.mark.parametrize("options, word", [
-    ({"method": "euler"}, "rodas or dtm"), ({"scheme": "best"}, "fitted or plain"), ({"transient": -1}, "transient"),
-    ({"revolutions": 3}, "revolutions"), ({"revolutions": 20.5}, "whole"), ({"tolerance": 0.0}, "tolerance"),
-    ({"tolerance": math.nan}, "tolerance"), ({"mesh": "2x2"}, "mesh"),
-])
+@pytest.mark.parametrize(
+    "options, word",
+    [
+        ({"method": "euler"}, "rodas or dtm"),
+        ({"scheme": "best"}, "fitted or plain"),
+        ({"transient": -1}, "transient"),
+        ({"revolutions": 3}, "revolutions"),
+        ({"revolutions": 20.5}, "whole"),
+        ({"tolerance": 0.0}, "tolerance"),
+        ({"tolerance": math.nan}, "tolerance"),
+        ({"mesh": "2x2"}, "mesh"),
+    ],
+)
 def test_wrong_settings_are_refused(options, word):
     with pytest.raises(DesignError, match=word):
         Settings(**options)
 
 
-@pytest.mark.parametrize("mass, bearing_number, word", [
-    (0.0, 1.0, "rotor mass"), (math.nan, 1.0, "rotor mass"), (1.0, 0.0, "bearing number"), (1.0, 1e9, "bearing number")])
+@pytest.mark.parametrize(
+    "mass, bearing_number, word",
+    [
+        (0.0, 1.0, "rotor mass"),
+        (math.nan, 1.0, "rotor mass"),
+        (1.0, 0.0, "bearing number"),
+        (1.0, 1e9, "bearing number"),
+    ],
+)
 def test_points_out_of_range_are_refused(design, mass, bearing_number, word):
     with pytest.raises(DesignError, match=word):
         solve_point(design, mass, bearing_number, SHORT)

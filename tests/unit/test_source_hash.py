@@ -1,4 +1,6 @@
-"""The hash of source code: what it says counts, how and where it is written does not, and every Python finds the same."""
+"""The hash of source code: what it says counts, how and where it is written does not, and every
+Python finds the same.
+"""
 
 import runpy
 import shutil
@@ -68,9 +70,20 @@ def test_layout_comments_imports_and_files_count_for_nothing():
     assert hash_of(HERE) == hash_of(REFORMATTED, MOVED) == hash_of(MOVED, REFORMATTED)
 
 
-@pytest.mark.parametrize("old, new", [
-    ("0x10", "17"), ("b=2.0", "b=2"), ("a * b", "b * a"), ("**more", "**less"), (".{SIZE}f", ".{SIZE}g"), (" it", " them"),
-    ("x: int = 3", "x: int = 3; y: int = 3"), ("class Thing", "class Other"), ("math.fabs(a * b)", "+math.fabs(a * b)")])
+@pytest.mark.parametrize(
+    "old, new",
+    [
+        ("0x10", "17"),
+        ("b=2.0", "b=2"),
+        ("a * b", "b * a"),
+        ("**more", "**less"),
+        (".{SIZE}f", ".{SIZE}g"),
+        (" it", " them"),
+        ("x: int = 3", "x: int = 3; y: int = 3"),
+        ("class Thing", "class Other"),
+        ("math.fabs(a * b)", "+math.fabs(a * b)"),
+    ],
+)
 def test_what_the_code_says_counts(old, new):
     assert old in HERE and hash_of(HERE) != hash_of(HERE.replace(old, new))
 
@@ -82,21 +95,37 @@ def test_no_python_is_no_source():
 
 def other_pythons():
     pyenv = sorted(Path.home().glob(".pyenv/versions/3.1[1-9]*/bin/python"))
-    return [str(path) for path in pyenv] + [found for k in range(11, 16) if (found := shutil.which(f"python3.{k}"))]
+    return [str(path) for path in pyenv] + [
+        found for k in range(11, 16) if (found := shutil.which(f"python3.{k}"))
+    ]
 
 
 def test_every_python_finds_the_same():
-    """The other Pythons of this machine; where there is none, the hashes of the shipped manifest were another one's."""
-    files = [str(m.__file__) for m in INTERVALS_RECIPE] + [str(p) for p in Path(module.__file__).parent.glob("k*.py")]
-    code = (f"import runpy; hash = runpy.run_path({str(module.__file__)!r})['source_hash']\n"
-            f"print(hash(open(path, 'rb').read() for path in {files!r}))")
+    """The other Pythons of this machine; where there is none, the hashes of the shipped manifest
+    were another one's.
+    """
+    files = [str(m.__file__) for m in INTERVALS_RECIPE] + [
+        str(p) for p in Path(module.__file__).parent.glob("k*.py")
+    ]
+    code = (
+        f"import runpy; hash = runpy.run_path({str(module.__file__)!r})['source_hash']\n"
+        f"print(hash(open(path, 'rb').read() for path in {files!r}))"
+    )
     here = source_hash(Path(path).read_bytes() for path in files)
     for python in other_pythons():
-        found = subprocess.run([python, "-I", "-c", code], capture_output=True, text=True, timeout=60)
-        if found.returncode == 0 or "Error" in found.stderr:  # else a shim of a Python that is not installed
+        found = subprocess.run(
+            [python, "-I", "-c", code], capture_output=True, text=True, timeout=60
+        )
+        if (
+            found.returncode == 0 or "Error" in found.stderr
+        ):  # else a shim of a Python that is not installed
             assert found.stdout.strip() == here, (python, found.stderr)
 
 
 def test_the_module_needs_no_package():
-    assert {name for name in runpy.run_path(str(module.__file__)) if name in ("numpy", "numba", "spab_core")} == set()
+    assert {
+        name
+        for name in runpy.run_path(str(module.__file__))
+        if name in ("numpy", "numba", "spab_core")
+    } == set()
     assert len(solver_hash()) == 16

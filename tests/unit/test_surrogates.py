@@ -10,7 +10,14 @@ from hypothesis import strategies as st
 from spab_core.common.errors import InputError
 from spab_core.design.model import reference_design
 from spab_core.maps.stability_map import StabilityMap
-from spab_core.surrogates.models import MODELS, model, predict_map, solved_cells, train, training_mask
+from spab_core.surrogates.models import (
+    MODELS,
+    model,
+    predict_map,
+    solved_cells,
+    train,
+    training_mask,
+)
 from spab_core.trajectory.provenance import map_metadata
 from spab_core.trajectory.settings import Settings
 
@@ -22,9 +29,18 @@ def map_of(function, rows=14, columns=18):
     shape = mle.shape
     metadata = map_metadata(reference_design(), Settings(), shape)
     return StabilityMap(
-        number, mass, mle=mle, mle_standard_error=np.full(shape, 1e-3), regime=np.where(mle > 0.01, "chaotic", "periodic"),
-        period=np.where(mle > 0.01, 0, 1), contact_share=np.zeros(shape), max_eccentricity=np.full(shape, 0.5),
-        status=np.full(shape, "ok"), revolutions=np.full(shape, 600), metadata=metadata)
+        number,
+        mass,
+        mle=mle,
+        mle_standard_error=np.full(shape, 1e-3),
+        regime=np.where(mle > 0.01, "chaotic", "periodic"),
+        period=np.where(mle > 0.01, 0, 1),
+        contact_share=np.zeros(shape),
+        max_eccentricity=np.full(shape, 0.5),
+        status=np.full(shape, "ok"),
+        revolutions=np.full(shape, 600),
+        metadata=metadata,
+    )
 
 
 def with_hole(m):
@@ -42,7 +58,12 @@ def test_the_papers_settings():
     paper = [k for k in MODELS.values() if k.group == "paper"]
     assert [k.name for k in paper] == ["mlp", "svr", "tree", "forest"]
     mlp, svr, tree, forest = (k.build(0) for k in paper)
-    assert (mlp.hidden_layer_sizes, mlp.activation, mlp.solver, mlp.max_iter) == ((10,), "relu", "adam", 500)
+    assert (mlp.hidden_layer_sizes, mlp.activation, mlp.solver, mlp.max_iter) == (
+        (10,),
+        "relu",
+        "adam",
+        500,
+    )
     assert (svr.kernel, svr.C) == ("rbf", 1.0)
     assert tree.max_depth == forest.max_depth == 20 and forest.n_estimators == 100
 
@@ -66,7 +87,9 @@ def test_another_seed_draws_other_cells():
 def test_interpolation_is_exact_on_a_plane_inside_the_hull(name):
     m = map_of(plane)
     _, inputs, mle = solved_cells(m)
-    corners = np.isin(inputs[:, 0], m.bearing_number[[0, -1]]) & np.isin(inputs[:, 1], m.rotor_mass[[0, -1]])
+    corners = np.isin(inputs[:, 0], m.bearing_number[[0, -1]]) & np.isin(
+        inputs[:, 1], m.rotor_mass[[0, -1]]
+    )
     chosen = corners | training_mask(len(mle), 3, 1)
     found = train(model(name), inputs[chosen], mle[chosen])
     assert found.predict(inputs[:, 0], inputs[:, 1]) == pytest.approx(mle, abs=1e-6)
@@ -86,7 +109,9 @@ def test_every_model_predicts_the_solved_cells_of_a_map(name):
     assert np.array_equal(found.mle, again.mle, equal_nan=True)  # same seed, same bits
     number, mass = np.meshgrid(m.bearing_number, m.rotor_mass, indexing="ij")
     by_points = found.surrogate.predict(number, mass)
-    assert by_points[np.isfinite(found.mle)] == pytest.approx(found.mle[np.isfinite(found.mle)], abs=1e-12)
+    assert by_points[np.isfinite(found.mle)] == pytest.approx(
+        found.mle[np.isfinite(found.mle)], abs=1e-12
+    )
 
 
 @pytest.mark.parametrize("name", ["nearest", "tree", "extra-trees", "linear", "cubic"])
@@ -99,7 +124,9 @@ def test_models_that_remember_return_their_training_cells(name):
 def test_scaling_makes_units_irrelevant():
     """The protocol scales inputs to [0, 1]: the same map in other units gives the same prediction."""
     m = map_of(lambda number, mass: np.sin(number) * mass / 25.0)
-    in_small_units = dataclasses.replace(m, rotor_mass=1024.0 * m.rotor_mass)  # a power of two: no rounding, so the same bits
+    in_small_units = dataclasses.replace(
+        m, rotor_mass=1024.0 * m.rotor_mass
+    )  # a power of two: no rounding, so the same bits
     for name in ("svr", "nearest", "linear"):
         a, b = (predict_map(k, model(name), 3, seed=2).mle for k in (m, in_small_units))
         assert np.array_equal(a, b)
@@ -109,7 +136,9 @@ def test_an_mlp_that_stops_at_its_limit_says_so():
     random = np.random.default_rng(0)
     inputs, noise = random.uniform(0.0, 1.0, (400, 2)), random.standard_normal(400)
     assert train(model("mlp"), inputs, inputs[:, 0]).converged
-    kind = dataclasses.replace(model("mlp"), build=lambda seed: model("mlp").build(seed).set_params(max_iter=2))
+    kind = dataclasses.replace(
+        model("mlp"), build=lambda seed: model("mlp").build(seed).set_params(max_iter=2)
+    )
     assert train(kind, inputs, noise).converged is False
 
 

@@ -1,4 +1,6 @@
-"""Windows and macOS, which are not at hand: what they lack is taken away, what they do otherwise is done here as they do it."""
+"""Windows and macOS, which are not at hand: what they lack is taken away, what they do otherwise is
+done here as they do it.
+"""
 
 import contextlib
 import errno
@@ -38,10 +40,15 @@ from spab_core.trajectory.compiling import compile_once
 from tests.conftest import ROOT
 
 TINY = {"mesh": "2x16", "transient": 20, "revolutions": 20}
-LINE = {"vary": "rotor-mass", "at": 3.0, "range": "4:9:30", "sweeps": ["up", "cold"],
-        "settings": TINY | {"transient": 300, "early_stop": False}}
-# what Python on Windows does not have; a parent's number stays after its death, and a file that another process has open for a
-# moment cannot be replaced: here every second time
+LINE = {
+    "vary": "rotor-mass",
+    "at": 3.0,
+    "range": "4:9:30",
+    "sweeps": ["up", "cold"],
+    "settings": TINY | {"transient": 300, "early_stop": False},
+}
+# what Python on Windows does not have; a parent's number stays after its death, and a file that
+# another process has open for a moment cannot be replaced: here every second time
 WINDOWS = """
 import errno, os
 
@@ -59,22 +66,27 @@ def denied_every_second_time(source, target, **options):
 os.replace = denied_every_second_time
 """
 # the C library of Windows is not had without a name, that of macOS has no mallopt
-LIBRARIES = {"windows": """
+LIBRARIES = {
+    "windows": """
     def __init__(self, name, *arguments, **options):
         if name is None:
             raise TypeError("bad argument type for built-in operation")
         super().__init__(name, *arguments, **options)
-""", "macos": """
+""",
+    "macos": """
     def __getattr__(self, name):
         if name == "mallopt":
             raise AttributeError("dlsym(RTLD_DEFAULT, mallopt): symbol not found")
         return super().__getattr__(name)
-"""}
+""",
+}
 
 
 @pytest.fixture
 def windows(tmp_path, monkeypatch):
-    """Processes started by the test find Python as it is on Windows; this one has no users, groups and flags either."""
+    """Processes started by the test find Python as it is on Windows; this one has no users, groups
+    and flags either.
+    """
     folder = tmp_path / "windows"
     folder.mkdir()
     (folder / "sitecustomize.py").write_text(WINDOWS)
@@ -128,7 +140,10 @@ def test_a_job_runs_is_cancelled_with_its_processes_goes_on_and_is_deleted(windo
     until(lambda: not any(map(lives, processes)), 10)
     jobs.submit("bifurcation", LINE)
     done = job_once(job.id, lambda j: not j.active)
-    assert (done.state, done.done) == ("done", 60), (done.message, (job.folder / "log.txt").read_text())
+    assert (done.state, done.done) == ("done", 60), (
+        done.message,
+        (job.folder / "log.txt").read_text(),
+    )
     assert load_bifurcation(done.result).branches["up"].section.shape[0] == 30
     jobs._workers.pop(job.id).wait(60)
     jobs.delete(job.id)
@@ -139,12 +154,15 @@ def test_a_job_runs_is_cancelled_with_its_processes_goes_on_and_is_deleted(windo
 def test_worker_processes_end_with_a_parent_whose_number_stays(windows, pool):
     """Also where nobody has waited for the dead parent, as for some minutes in a container."""
     module = {"loky": "joblib.externals.loky", "processes": "concurrent.futures"}[pool]
-    program = (f"import os, time\nfrom {module} import ProcessPoolExecutor\n"
-               "from spab_core.common.processes import end_with_parent\n"
-               "if __name__ == '__main__':\n"
-               "    e = ProcessPoolExecutor(max_workers=1, initializer=end_with_parent, initargs=(os.getpid(),))\n"
-               "    print(e.submit(os.getpid).result(), flush=True)\n"
-               "    time.sleep(100)\n")
+    program = (
+        f"import os, time\nfrom {module} import ProcessPoolExecutor\n"
+        "from spab_core.common.processes import end_with_parent\n"
+        "if __name__ == '__main__':\n"
+        "    e = ProcessPoolExecutor(max_workers=1, initializer=end_with_parent, "
+        "initargs=(os.getpid(),))\n"
+        "    print(e.submit(os.getpid).result(), flush=True)\n"
+        "    time.sleep(100)\n"
+    )
     parent = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)
     worker = psutil.Process(int(parent.stdout.readline()))
     time.sleep(2.5)
@@ -156,7 +174,9 @@ def test_worker_processes_end_with_a_parent_whose_number_stays(windows, pool):
 
 
 def denied(times, real):
-    """The function as Windows has it while another process has the file open: the first calls are denied."""
+    """The function as Windows has it while another process has the file open: the first calls are
+    denied.
+    """
     left = [times]
 
     def call(*arguments, **options):
@@ -164,6 +184,7 @@ def denied(times, real):
             left[0] -= 1
             raise PermissionError(errno.EACCES, "Permission denied", str(arguments[0]))
         return real(*arguments, **options)
+
     return call
 
 
@@ -182,7 +203,9 @@ def test_a_file_that_is_open_elsewhere_is_replaced_when_it_is_closed(tmp_path, m
 
 
 def test_a_folder_closed_by_access_lists_is_told_at_once_and_before_the_work(tmp_path, monkeypatch):
-    """tempfile of Python up to 3.13 takes such a denial for a name that is taken, and os.access says that all is well."""
+    """tempfile of Python up to 3.13 takes such a denial for a name that is taken, and os.access
+    says that all is well.
+    """
     monkeypatch.setattr(os, "access", lambda *a, **k: True)
     monkeypatch.setattr(os, "open", denied(10**9, os.open))
     monkeypatch.setattr(io, "open", denied(10**9, io.open))
@@ -200,6 +223,7 @@ def test_a_folder_closed_by_access_lists_is_told_at_once_and_before_the_work(tmp
 def test_what_a_killed_writer_left_is_removed_under_its_names(tmp_path, monkeypatch):
     def killed(handle):
         raise KeyboardInterrupt
+
     monkeypatch.setattr(os, "fsync", killed)
     monkeypatch.setattr(Path, "unlink", lambda *a, **k: None)
     with pytest.raises(KeyboardInterrupt):
@@ -247,7 +271,10 @@ def test_models_and_jobs_lie_in_the_local_profile(windows, tmp_path, monkeypatch
     monkeypatch.setenv("LOCALAPPDATA", str(tmp_path / "Local"))
     assert jobs.jobs_folder() == tmp_path / "Local" / "spab" / "jobs"
     kept = model_cache.keep("a.joblib", b"model", {"map": "x"})
-    assert kept == tmp_path / "Local" / "spab" / "a.joblib" and model_cache.read("a.joblib") == (b"model", {"map": "x"})
+    assert kept == tmp_path / "Local" / "spab" / "a.joblib" and model_cache.read("a.joblib") == (
+        b"model",
+        {"map": "x"},
+    )
     kept.write_bytes(b"other")
     with pytest.raises(InputError, match="SHA-256"):
         model_cache.read("a.joblib")
@@ -274,37 +301,63 @@ def test_kernels_are_kept_where_their_whole_names_fit(tmp_path, monkeypatch):
     assert numba.config.CACHE_DIR and not numba.config.CACHE_DIR.startswith(str(tmp_path))
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "short"))
     _kernel_cache.choose()
-    assert Path(numba.config.CACHE_DIR).parent == tmp_path / "short" and not list(Path(numba.config.CACHE_DIR).iterdir())
+    assert Path(numba.config.CACHE_DIR).parent == tmp_path / "short" and not list(
+        Path(numba.config.CACHE_DIR).iterdir()
+    )
 
 
 def test_names_of_kernels_are_no_longer_than_what_is_tried():
     compile_once()
-    names = [str(p.relative_to(p.parent.parent)) for p in Path(numba.config.CACHE_DIR).glob("*/*.nb?")]
+    names = [
+        str(p.relative_to(p.parent.parent)) for p in Path(numba.config.CACHE_DIR).glob("*/*.nb?")
+    ]
     assert names and max(map(len, names)) + len(".tmp.0123456789abcdef") <= _kernel_cache._LONGEST
 
 
 @pytest.mark.parametrize("system", LIBRARIES)
 def test_memory_is_bounded_as_far_as_another_c_library_lets(system):
-    program = (f"import ctypes\nclass CDLL(ctypes.CDLL):{LIBRARIES[system]}\nctypes.CDLL = CDLL\n"
-               "from spab_core.ui.memory import bound_memory\n"
-               "import pyarrow as pa\n"
-               "bound_memory()\n"
-               "print(pa.default_memory_pool().backend_name)")
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True,
-                          env=os.environ | {"PYTHONPATH": str(ROOT)})
+    program = (
+        f"import ctypes\nclass CDLL(ctypes.CDLL):{LIBRARIES[system]}\nctypes.CDLL = CDLL\n"
+        "from spab_core.ui.memory import bound_memory\n"
+        "import pyarrow as pa\n"
+        "bound_memory()\n"
+        "print(pa.default_memory_pool().backend_name)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )
     assert done.stdout == "system\n", done.stderr
 
 
-@pytest.mark.parametrize("arguments", [
-    ["--help"], ["simulate", "--help"], ["design", "show", "--rotor-mass", "4", "--rpm", "9000"],
-    ["margin", "--rotor-mass", "4.52", "--rpm", "10200"], ["design", "new", "--preset", "Λ", "--out", "µΩ.toml"],
-    ["design", "new", "--preset", "spab60", "--out", "µΩ.toml"], ["jobs", "list"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--help"],
+        ["simulate", "--help"],
+        ["design", "show", "--rotor-mass", "4", "--rpm", "9000"],
+        ["margin", "--rotor-mass", "4.52", "--rpm", "10200"],
+        ["design", "new", "--preset", "Λ", "--out", "µΩ.toml"],
+        ["design", "new", "--preset", "spab60", "--out", "µΩ.toml"],
+        ["jobs", "list"],
+    ],
+)
 @pytest.mark.parametrize("encoding", ["cp1252", "cp437", "ascii"])
-def test_a_terminal_of_another_alphabet_gets_words_and_no_traceback(arguments, encoding, windows, root, tmp_path):
-    done = subprocess.run([sys.executable, "-m", "spab_core.cli.main", *arguments], capture_output=True, cwd=tmp_path,
-                          env=os.environ | {"PYTHONIOENCODING": f"{encoding}:strict", "PYTHONUTF8": "0"})
+def test_a_terminal_of_another_alphabet_gets_words_and_no_traceback(
+    arguments, encoding, windows, root, tmp_path
+):
+    done = subprocess.run(
+        [sys.executable, "-m", "spab_core.cli.main", *arguments],
+        capture_output=True,
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONIOENCODING": f"{encoding}:strict", "PYTHONUTF8": "0"},
+    )
     told = (done.stdout + done.stderr).decode(encoding)
-    assert told and "Traceback" not in told and done.returncode == (2 if "Λ" in arguments else 0), told
+    assert told and "Traceback" not in told and done.returncode == (2 if "Λ" in arguments else 0), (
+        told
+    )
     if "spab60" in arguments:
         assert load_design(str(tmp_path / "µΩ.toml"))
 
@@ -325,14 +378,31 @@ def test_tables_have_the_same_bytes_on_every_system(monkeypatch, tmp_path):
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="no git on this machine")
 def test_files_come_out_of_a_clone_on_windows_as_they_went_in(tmp_path):
-    """Git for Windows is set to turn line ends, and the manifest's checksums and the hash of the solver would not fit."""
+    """Git for Windows is set to turn line ends, and the manifest's checksums and the hash of the
+    solver would not fit.
+    """
     if not (ROOT / ".gitattributes").exists():
         pytest.skip("not a clone")
-    names = [f"artifacts/{SCORES}", "artifacts/manifest.json", "spab_core/solver/film.py", "spab_core/design/data/spab60.toml"]
+    names = [
+        f"artifacts/{SCORES}",
+        "artifacts/manifest.json",
+        "spab_core/solver/film.py",
+        "spab_core/design/data/spab60.toml",
+    ]
     for name in [".gitattributes", *names]:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, tmp_path / name)
-    git = ["git", "-C", str(tmp_path), "-c", "core.autocrlf=true", "-c", "user.name=x", "-c", "user.email=x@y"]
+    git = [
+        "git",
+        "-C",
+        str(tmp_path),
+        "-c",
+        "core.autocrlf=true",
+        "-c",
+        "user.name=x",
+        "-c",
+        "user.email=x@y",
+    ]
     for command in (["init", "--quiet"], ["add", "."], ["commit", "--quiet", "-m", "all"]):
         subprocess.run([*git, *command], check=True, capture_output=True)
     for name in names:
@@ -364,7 +434,9 @@ def test_a_date_that_windows_does_not_know_is_a_damaged_job(root):
     jobs.cancel(job.id)
     jobs._workers.pop(job.id).wait(60)
     path = job.folder / "job.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"created": 32_536_800_000}))  # January 3001
+    path.write_text(
+        json.dumps(json.loads(path.read_text()) | {"created": 32_536_800_000})
+    )  # January 3001
     with pytest.raises(InputError, match="damaged"):
         jobs.find(job.id)
 
@@ -374,26 +446,37 @@ def test_without_a_browser_pictures_and_pdf_are_a_sentence_or_greyed(monkeypatch
 
     def none(**options):
         raise ChromeNotFoundError
+
     monkeypatch.setattr(export.Chromium, "find_browser", none)
     export.browser_path.cache_clear()
     try:
-        with pytest.raises(InputError, match="a PNG is drawn by Chromium or Chrome, and none is found"):
+        with pytest.raises(
+            InputError, match="a PNG is drawn by Chromium or Chrome, and none is found"
+        ):
             export.figure_png(None)
-        with pytest.raises(InputError, match="a PDF is printed by Chromium or Chrome, and none is found"):
+        with pytest.raises(
+            InputError, match="a PDF is printed by Chromium or Chrome, and none is found"
+        ):
             report.report_pdf("<html>")
         st.cache_resource.clear()
-        at = AppTest.from_file(str(ROOT / "pages" / "9_About_the_model.py"), default_timeout=60).run()
+        at = AppTest.from_file(
+            str(ROOT / "pages" / "9_About_the_model.py"), default_timeout=60
+        ).run()
         assert not at.exception
         greyed = {b.label: b.proto.disabled for b in at.get("download_button")}
-        assert greyed and all(grey == label.endswith("PNG") for label, grey in greyed.items()), greyed
+        assert greyed and all(grey == label.endswith("PNG") for label, grey in greyed.items()), (
+            greyed
+        )
     finally:
         export.browser_path.cache_clear()
 
 
 def test_a_browser_that_keeps_its_profile_open_has_printed_all_the_same(tmp_path, monkeypatch):
     browser = tmp_path / "browser"
-    browser.write_text("#!/bin/sh\nfor a in \"$@\"; do case $a in --print-to-pdf=*) echo printed > \"${a#*=}\";;\n"
-                       "--user-data-dir=*) mkdir \"${a#*=}\"; touch \"${a#*=}/lockfile\";; esac; done\n")
+    browser.write_text(
+        '#!/bin/sh\nfor a in "$@"; do case $a in --print-to-pdf=*) echo printed > "${a#*=}";;\n'
+        '--user-data-dir=*) mkdir "${a#*=}"; touch "${a#*=}/lockfile";; esac; done\n'
+    )
     browser.chmod(0o700)
     monkeypatch.setattr(report, "browser_path", lambda: str(browser))
     real = os.unlink
@@ -402,6 +485,7 @@ def test_a_browser_that_keeps_its_profile_open_has_printed_all_the_same(tmp_path
         if str(path).endswith("lockfile"):
             raise PermissionError(errno.EACCES, "Permission denied", path)
         real(path, **options)
+
     monkeypatch.setattr(os, "unlink", unlink)
     monkeypatch.setattr(report.tempfile, "tempdir", str(tmp_path))
     assert report.report_pdf("<html>") == b"printed\n"
@@ -410,14 +494,38 @@ def test_a_browser_that_keeps_its_profile_open_has_printed_all_the_same(tmp_path
 @pytest.mark.slow
 def test_a_map_on_two_processes_is_interrupted_and_goes_on(windows, tmp_path):
     compile_once()
-    command = [sys.executable, "-m", "spab_core.cli.main", "map", "--bearing-number", "2:4.5:6", "--rotor-mass", "3:18:40",
-               "--mesh", "2x16", "--transient", "200", "--revolutions", "20", "--full-length", "--workers", "2",
-               "--out", str(tmp_path / "m.npz")]
-    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+    command = [
+        sys.executable,
+        "-m",
+        "spab_core.cli.main",
+        "map",
+        "--bearing-number",
+        "2:4.5:6",
+        "--rotor-mass",
+        "3:18:40",
+        "--mesh",
+        "2x16",
+        "--transient",
+        "200",
+        "--revolutions",
+        "20",
+        "--full-length",
+        "--workers",
+        "2",
+        "--out",
+        str(tmp_path / "m.npz"),
+    ]
+    run = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+    )
     until(lambda: list(tmp_path.glob("m.npz.parts/chunk-*.npz")))
     os.kill(run.pid, signal.SIGINT)
     told = run.communicate(timeout=60)[0]
-    assert run.returncode == 130 and "the same command goes on from them" in told and "Traceback" not in told, told
+    assert (
+        run.returncode == 130
+        and "the same command goes on from them" in told
+        and "Traceback" not in told
+    ), told
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert load_map(tmp_path / "m.npz").shape == (6, 40) and not (tmp_path / "m.npz.parts").exists()

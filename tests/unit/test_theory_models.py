@@ -9,14 +9,16 @@ from spab_core.surrogates.theory_trees import baseline
 
 
 def plane(rows=24, columns=30):
-    number, mass = np.meshgrid(np.geomspace(0.05, 8.5, rows), np.linspace(0.1, 25.0, columns), indexing="ij")
+    number, mass = np.meshgrid(
+        np.geomspace(0.05, 8.5, rows), np.linspace(0.1, 25.0, columns), indexing="ij"
+    )
     inputs = np.column_stack([number.ravel(), mass.ravel()])
     return inputs, baseline(LinearFeatures(shipped_table()).transform(inputs))
 
 
 def split(count, seed=0):
     chosen = np.zeros(count, bool)
-    chosen[np.random.default_rng(seed).permutation(count)[:count // 3]] = True
+    chosen[np.random.default_rng(seed).permutation(count)[: count // 3]] = True
     return chosen
 
 
@@ -34,6 +36,6 @@ def test_what_linear_theory_leaves_is_learnt():
     chosen = split(len(inputs))
     held_out = ~chosen
     found = train(model("theory-trees"), inputs[chosen], truth[chosen]).predict(*inputs[held_out].T)
-    error = np.sqrt(np.mean((found - truth[held_out])**2))
-    without = np.sqrt(np.mean((linear - truth)[held_out]**2))
+    error = np.sqrt(np.mean((found - truth[held_out]) ** 2))
+    without = np.sqrt(np.mean((linear - truth)[held_out] ** 2))
     assert error < 0.25 * without

@@ -1,7 +1,8 @@
-"""Kernels entered by many threads at once, as Streamlit does, one thread a user: the same bits, and the process lives.
+"""Kernels entered by many threads at once, as Streamlit does, one thread a user: the same bits, and
+the process lives.
 
-Numba's own parallel loops abort the process where two threads enter them at once; the kernels have none.
-"""
+Numba's own parallel loops abort the process where two threads enter them at once; the kernels have
+none."""
 
 import os
 import subprocess
@@ -10,7 +11,8 @@ from pathlib import Path
 
 import spab_core
 
-# in a process of its own: an abort would take the test run with it, and no kernel is loaded yet when the threads start
+# in a process of its own: an abort would take the test run with it, and no kernel is loaded yet
+# when the threads start
 PROGRAM = """
 import sys, threading
 from concurrent.futures import ThreadPoolExecutor
@@ -47,10 +49,21 @@ print("same bits")
 
 
 def test_eight_threads_solve_different_points_to_the_same_bits():
-    path = os.pathsep.join([str(Path(spab_core.__file__).parent.parent), os.environ.get("PYTHONPATH", "")])
-    done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, timeout=300,
-                          env=os.environ | {"PYTHONPATH": path})
-    assert done.returncode == 0 and done.stdout == "same bits\n", (done.returncode, done.stdout, done.stderr[-2000:])
+    path = os.pathsep.join(
+        [str(Path(spab_core.__file__).parent.parent), os.environ.get("PYTHONPATH", "")]
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        env=os.environ | {"PYTHONPATH": path},
+    )
+    assert done.returncode == 0 and done.stdout == "same bits\n", (
+        done.returncode,
+        done.stdout,
+        done.stderr[-2000:],
+    )
 
 
 def test_no_kernel_has_a_parallel_loop():

@@ -14,28 +14,51 @@ from spab_core.surrogates.metrics import evaluate, f1, uncertainty_scores
 from spab_core.surrogates.models import model, predict_map, solved_cells
 from spab_core.surrogates.ranking import comparison_words
 from spab_core.surrogates.theory_trees import baseline
-from spab_core.surrogates.uncertainty import STEPS, TooFewCells, load_intervals, reliability, save_intervals, uncertain_map
+from spab_core.surrogates.uncertainty import (
+    STEPS,
+    TooFewCells,
+    load_intervals,
+    reliability,
+    save_intervals,
+    uncertain_map,
+)
 from spab_core.trajectory.lyapunov import Exponent
 from tests.unit.test_surrogates import map_of, with_hole
 
 
 def striped_map(rows=40, columns=50, noise=0.1, seed=0):
-    """Periodic, quasi-periodic and chaotic stripes along a slanted line, exponents -0.5, 0, 0.3 with noise in chaos only."""
+    """Periodic, quasi-periodic and chaotic stripes along a slanted line, exponents -0.5, 0, 0.3
+    with noise in chaos only.
+    """
     m = map_of(lambda number, mass: number + mass / 3.0, rows, columns)
     place = m.mle
-    regime = np.where(place < 5.0, "periodic", np.where(place < 9.0, "quasi-periodic", "chaotic")).astype("<U14")
+    regime = np.where(
+        place < 5.0, "periodic", np.where(place < 9.0, "quasi-periodic", "chaotic")
+    ).astype("<U14")
     mle = np.where(place < 5.0, -0.5, np.where(place < 9.0, 0.0, 0.3))
-    mle += np.where(regime == "chaotic", noise, 1e-3) * np.random.default_rng(seed).standard_normal(m.shape)
-    return dataclasses.replace(m, mle=mle, regime=regime, period=np.where(regime == "periodic", 1, 0))
+    mle += np.where(regime == "chaotic", noise, 1e-3) * np.random.default_rng(seed).standard_normal(
+        m.shape
+    )
+    return dataclasses.replace(
+        m, mle=mle, regime=regime, period=np.where(regime == "periodic", 1, 0)
+    )
 
 
 def test_the_classifier_finds_slanted_borders():
     m = with_hole(striped_map())
     found = predict_regimes(m, 4, seed=1)
-    assert found.regime[3, 4] == "" and np.isnan(found.probability[3, 4]).all() and not found.held_out[3, 4]
-    assert np.array_equal(found.trained, predict_map(m, model("nearest"), 4, seed=1).trained)  # the same cells
+    assert (
+        found.regime[3, 4] == ""
+        and np.isnan(found.probability[3, 4]).all()
+        and not found.held_out[3, 4]
+    )
+    assert np.array_equal(
+        found.trained, predict_map(m, model("nearest"), 4, seed=1).trained
+    )  # the same cells
     tested = found.held_out
-    assert not (tested & found.trained).any() and tested.sum() + found.trained.sum() == m.mle.size - 1
+    assert (
+        not (tested & found.trained).any() and tested.sum() + found.trained.sum() == m.mle.size - 1
+    )
     assert (found.regime[tested] == m.regime[tested]).mean() > 0.97
     assert found.probability[tested].sum(axis=1) == pytest.approx(1.0)
     again = predict_regimes(m, 4, seed=1)
@@ -47,7 +70,11 @@ def test_a_map_with_one_regime_only():
     found = uncertain_map(m, model("tree"), 2)
     assert (found.regimes.regime == "periodic").all() and (found.unstable == 0.0).all()
     scores = uncertainty_scores(m, found)
-    assert scores["regime_accuracy"] == 1.0 and np.isnan(scores["chaos_f1"]) and np.isnan(scores["coverage_chaotic"])
+    assert (
+        scores["regime_accuracy"] == 1.0
+        and np.isnan(scores["chaos_f1"])
+        and np.isnan(scores["coverage_chaotic"])
+    )
 
 
 def test_thresholds_part_the_regimes():
@@ -83,34 +110,50 @@ def test_intervals_cover_what_they_promise(name):
             m = dataclasses.replace(m, mle=(mle + linear).reshape(m.shape))
         found = uncertain_map(m, model(name), 2, seed)
         scores = uncertainty_scores(m, found)
-        coverages.append([scores["coverage"]] + [scores[f"coverage_{r}"] for r in ("periodic", "quasi-periodic", "chaotic")])
-        width = (found.high - found.low)
+        coverages.append(
+            [scores["coverage"]]
+            + [scores[f"coverage_{r}"] for r in ("periodic", "quasi-periodic", "chaotic")]
+        )
+        width = found.high - found.low
         widths.append([np.median(width[m.regime == r]) for r in ("periodic", "chaotic")])
         assert found.calibrated.calibration_cells == 250
     means = np.mean(coverages, axis=0)
     assert 0.87 < means[0] < 0.94 and means[1:].min() > 0.8
     narrow, wide = np.mean(widths, axis=0)
-    # a normal deviate lies within 1.645 deviations nine times in ten; the model's own error widens that
+    # a normal deviate lies within 1.645 deviations nine times in ten; the model's own error widens
+    # that
     assert narrow < 0.1 and 2 * 1.645 * 0.1 * 0.9 < wide < 2 * 1.645 * 0.1 * 1.7
 
 
 def test_probability_of_instability_is_calibrated():
-    """Labels drawn with a known probability, from sure to sure: no forest tells a cell's, but what is told holds on average."""
+    """Labels drawn with a known probability, from sure to sure: no forest tells a cell's, but what
+    is told holds on average.
+    """
     m = map_of(lambda number, mass: number, 60, 60)
     truth = (m.mle - 0.5) / 8.0
     unstable = np.random.default_rng(0).random(m.shape) < truth
-    m = dataclasses.replace(m, regime=np.where(unstable, "quasi-periodic", "periodic").astype("<U14"),
-                            mle=np.where(unstable, 0.0, -0.2))
+    m = dataclasses.replace(
+        m,
+        regime=np.where(unstable, "quasi-periodic", "periodic").astype("<U14"),
+        mle=np.where(unstable, 0.0, -0.2),
+    )
     found = uncertain_map(m, model("tree"), 2)
     tested = found.regimes.held_out
     _, error = reliability(unstable[tested], found.unstable[tested])
-    raw = 1.0 - found.calibrated.classifier.predict_proba(np.column_stack(
-        [a.ravel() for a in np.meshgrid(m.bearing_number, m.rotor_mass, indexing="ij")]))[:, 0].reshape(m.shape)
-    assert error < 0.05 < reliability(unstable[tested], raw[tested])[1]  # better than the trees' own
+    raw = 1.0 - found.calibrated.classifier.predict_proba(
+        np.column_stack(
+            [a.ravel() for a in np.meshgrid(m.bearing_number, m.rotor_mass, indexing="ij")]
+        )
+    )[:, 0].reshape(m.shape)
+    assert (
+        error < 0.05 < reliability(unstable[tested], raw[tested])[1]
+    )  # better than the trees' own
 
 
 def test_reliability_by_hand():
-    bins, error = reliability(np.array([False, True, True, True]), np.array([0.04, 0.06, 0.95, 1.0]))
+    bins, error = reliability(
+        np.array([False, True, True, True]), np.array([0.04, 0.06, 0.95, 1.0])
+    )
     assert bins["cells"].tolist() == [2, 2] and bins["observed"].tolist() == [0.5, 1.0]
     assert bins["predicted"].tolist() == pytest.approx([0.05, 0.975])
     assert error == pytest.approx((2 * 0.45 + 2 * 0.025) / 4)
@@ -124,7 +167,9 @@ def test_too_few_cells_are_said():
 def test_blocks_withhold_whole_rectangles():
     m = with_hole(striped_map(40, 50))
     found = predict_map(m, model("nearest"), 4, 2, "blocks")
-    assert found.trained.sum() == (m.mle.size - 1) // 4 and not (found.trained & found.held_out).any()
+    assert (
+        found.trained.sum() == (m.mle.size - 1) // 4 and not (found.trained & found.held_out).any()
+    )
     blocks = found.held_out.reshape(10, 4, 10, 5).sum(axis=(1, 3))
     assert set(blocks.ravel().tolist()) <= {0, 19, 20} and (blocks > 0).sum() == 25
     assert np.array_equal(found.held_out, predict_regimes(m, 4, 2, "blocks").held_out)
@@ -134,8 +179,10 @@ def test_blocks_withhold_whole_rectangles():
 
 def test_blocks_are_harder_for_neighbours():
     m = map_of(lambda number, mass: np.sin(number) + 0.1 * mass, 40, 50)
-    random, blocks = (evaluate(m, [model("nearest")], (4,), (0, 1), split=split)["rmse_held_out"].mean()
-                      for split in ("random", "blocks"))
+    random, blocks = (
+        evaluate(m, [model("nearest")], (4,), (0, 1), split=split)["rmse_held_out"].mean()
+        for split in ("random", "blocks")
+    )
     assert blocks > 1.5 * random
 
 
@@ -145,7 +192,9 @@ def test_intervals_are_kept_in_a_file(tmp_path):
     assert sum(steps) == STEPS
     save_intervals(found, path)
     again = load_intervals(path, m)
-    assert np.allclose(again.low, found.low, equal_nan=True) and np.array_equal(again.regime, found.regime)
+    assert np.allclose(again.low, found.low, equal_nan=True) and np.array_equal(
+        again.regime, found.regime
+    )
     assert uncertainty_scores(m, again) == pytest.approx(uncertainty_scores(m, found), abs=2e-3)
     with pytest.raises(InputError, match="does not fit"):
         load_intervals(path, striped_map(rows=41))
@@ -158,10 +207,20 @@ def test_intervals_are_kept_in_a_file(tmp_path):
 def test_a_prediction_beside_the_solved_value_in_words():
     solved = Exponent(-0.5, 0.001, np.array([-0.5]))
     assert comparison_words(-0.48, solved, (-0.55, -0.45), False) == (
-        True, "Predicted -0.480, solved live -0.500 ± 0.001 per revolution: 0.020 apart. The solved value lies inside the "
-              "model's 90% interval, -0.550 to -0.450.")
+        True,
+        "Predicted -0.480, solved live -0.500 ± 0.001 per revolution: 0.020 apart. The solved "
+        "value lies inside the "
+        "model's 90% interval, -0.550 to -0.450.",
+    )
     inside, words = comparison_words(-0.40, solved, (-0.45, -0.35), True)
-    assert inside is False and "outside" in words and "one cell in ten" in words and words.endswith("trained on this cell.")
+    assert (
+        inside is False
+        and "outside" in words
+        and "one cell in ten" in words
+        and words.endswith("trained on this cell.")
+    )
     assert comparison_words(-0.48, solved, None, False)[0] is None
     for predicted, exponent in ((np.nan, solved), (-0.48, None)):
-        assert comparison_words(predicted, exponent, (-1.0, 0.0), False)[1].startswith("There is nothing to compare")
+        assert comparison_words(predicted, exponent, (-1.0, 0.0), False)[1].startswith(
+            "There is nothing to compare"
+        )
