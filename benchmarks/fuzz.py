@@ -26,6 +26,7 @@ import tempfile
 import time
 import warnings
 import zipfile
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -391,7 +392,7 @@ def targets(folder):
     from spab_core.cli import jobs as cli_jobs
     from spab_core.common.errors import InputError
     from spab_core.common.files import csv_bytes
-    from spab_core.common.npz import UNREADABLE, npz_bytes
+    from spab_core.common.npz import npz_bytes
     from spab_core.design.model import design_toml, read_design_bytes, reference_design
     from spab_core.design.presets import PRESETS
     from spab_core.jobs import kinds as job_kinds
@@ -401,7 +402,7 @@ def targets(folder):
     from spab_core.maps import compute as map_engine
     from spab_core.maps.margin import margin
     from spab_core.maps.sensitivity import Margin, load_sensitivity
-    from spab_core.maps.stability_map import FIELDS, StabilityMap, load_map, map_bytes
+    from spab_core.maps.stability_map import CHUNK_ARRAYS, FIELDS, StabilityMap, load_map, map_bytes
     from spab_core.reporting.export import map_table
     from spab_core.shipped import manifest as artifacts
     from spab_core.shipped import model_cache
@@ -574,10 +575,7 @@ def targets(folder):
         assert not at.exception, at.exception[0].value
 
     def read_table(data):
-        with contextlib.suppress(
-            *UNREADABLE
-        ):  # documented; it reads what is inside the package alone
-            features.load_table(data)
+        features.load_table(data)
 
     def read_plan(data):
         parts = folder / "parts"
@@ -608,7 +606,7 @@ def targets(folder):
     intervals = {
         "low": small.mle,
         "high": small.mle,
-        "unstable": small.mle,
+        "unstable": small.contact_share,
         "regime": small.regime,
         "held_out": small.mle > 0,
         "seconds": np.array(1.0),
@@ -659,7 +657,7 @@ def targets(folder):
             4,
             [npz_bytes(chunk | {"run": np.array("r")})],
             damaged_npz,
-            from_file(lambda path: map_engine.read_part(path, FIELDS, FIELDS, 4, "r")),
+            from_file(lambda path: map_engine.read_part(path, CHUNK_ARRAYS, "r", 4)),
         ),
         "chunk of a refinement": (
             4,
@@ -669,7 +667,7 @@ def targets(folder):
         ),
         "linear table": (
             2,
-            [(Path(features.__file__).parent / "designs" / features.SHIPPED).read_bytes()],
+            [resources.files("spab_core").joinpath("design/data", features.SHIPPED).read_bytes()],
             damaged_npz,
             read_table,
         ),

@@ -11,13 +11,14 @@ from pathlib import Path
 import joblib
 import numpy as np
 
+from spab_core.common.arrays import Array
 from spab_core.common.files import write_atomically
-from spab_core.common.npz import UNREADABLE, npz_bytes, open_npz
+from spab_core.common.npz import npz_bytes
 from spab_core.design.model import Design
-from spab_core.maps.checkpoints import locked, open_run
+from spab_core.maps.checkpoints import locked, open_run, read_part
 from spab_core.maps.compute import solve_chunk
 from spab_core.maps.parallel import cluster_or_processes
-from spab_core.maps.stability_map import FIELDS, MapError, StabilityMap, check_plane
+from spab_core.maps.stability_map import CHUNK_ARRAYS, FIELDS, StabilityMap, check_plane
 from spab_core.trajectory.settings import Settings
 
 CHUNK = 5  # cells solved between two checkpoints
@@ -146,19 +147,6 @@ def live_oracle(
 
 
 def _read_chunk(path: Path, run_hash: str, count: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    try:
-        with open_npz(path) as data:
-            found = {name: data[name] for name in (*FIELDS, "cells", "run")}
-    except UNREADABLE as error:
-        raise MapError(
-            f"{path} is damaged ({error}); delete it to compute these cells again"
-        ) from None
-    cells = found.pop("cells")
-    fits = cells.dtype.kind == "i" and cells.ndim == 1 and np.all((cells >= 0) & (cells < count))
-    if (
-        str(found.pop("run")) != run_hash
-        or not fits
-        or any(found[name].shape != cells.shape for name in FIELDS)
-    ):
-        raise MapError(f"{path} belongs to another run; delete it to compute these cells again")
-    return cells, found
+    cells = Array(np.int64, ("point",), low=0, high=count - 1)
+    found = read_part(path, CHUNK_ARRAYS | {"cells": cells}, run_hash)
+    return found.pop("cells"), found

@@ -20,13 +20,15 @@ import pandas as pd
 
 from spab_core.active_learning.committee import LABELS, Prediction, plane_inputs, predict_plane
 from spab_core.active_learning.oracles import Oracle, unsolved_values
+from spab_core.common.arrays import Array, Schema, load
 from spab_core.common.errors import InputError
 from spab_core.common.files import write_atomically
-from spab_core.common.npz import UNREADABLE, npz_bytes, open_npz
+from spab_core.common.npz import npz_bytes
 from spab_core.common.validation import check_number
 from spab_core.design.model import Design
 from spab_core.linear_theory.linear_table import LinearTable
-from spab_core.maps.stability_map import FIELDS, MapError, check_axes, check_plane
+from spab_core.maps.stability_map import AXES, CELLS, FIELDS, MapError, check_plane
+from spab_core.solver.stepping import STATUS
 
 MIN_START = 16  # cells
 START = 256  # the coarse start is 1/START of the plane, but no more than a quarter of the budget
@@ -355,7 +357,21 @@ _FLOATS = {
     "predicted_deviation": "deviation",
     "probability_unstable": "unstable",
 }  # in the file
-_ARRAYS = {"batch": "i", "predicted_regime": "U", **dict.fromkeys(_FLOATS, "f")}
+_SCHEMA = Schema(
+    "refinement",
+    {
+        **AXES,
+        "batch": Array(np.int16, tuple(AXES), low=-1, high=MAX_PLANE),
+        **CELLS,
+        "status": CELLS["status"].along(*AXES, texts=(*STATUS, "")),
+        **dict.fromkeys(_FLOATS, Array(np.float32, tuple(AXES))),
+        "predicted_regime": Array("<U14", tuple(AXES), texts=LABELS),
+        "suggested": Array(np.int64, ("suggestion",), low=0),
+        "suggested_for_regime": Array(bool, ("suggestion",)),
+    },
+    {"metadata": ("design",)},
+    error=MapError,
+)
 
 
 def save_refinement(result: Refinement, path: str | Path) -> None:
@@ -385,44 +401,14 @@ def load_refinement(path: str | Path) -> Refinement:
 
     Raises ``MapError`` for any other file.
     """
-    try:
-        with open_npz(path) as data:
-            found = {
-                name: data[name]
-                for name in (
-                    "bearing_number",
-                    "rotor_mass",
-                    *_ARRAYS,
-                    *FIELDS,
-                    "suggested",
-                    "suggested_for_regime",
-                )
-            }
-            metadata = data.json("metadata")
-            Design.from_dict(metadata["design"])
-    except InputError:
-        raise
-    except UNREADABLE as error:
-        raise MapError(f"cannot read the refinement {str(path)!r}: {error}") from None
+    found = load(path, _SCHEMA)
     number, mass, suggested = found["bearing_number"], found["rotor_mass"], found["suggested"]
-    check_axes(path, number, mass)
-    if check_plane(number, mass) > MAX_PLANE:
-        raise MapError(f"{path} is not a refinement: it has more than {MAX_PLANE:,} cells")
-    kinds = _ARRAYS | {name: np.dtype(dtype).kind for name, dtype in FIELDS.items()}
-    fits = (
-        suggested.ndim == 1
-        and suggested.dtype.kind == "i"
-        and found["suggested_for_regime"].shape == suggested.shape
-        and all(
-            found[k].shape == (len(number), len(mass)) and found[k].dtype.kind == kind
-            for k, kind in kinds.items()
-        )
-        and np.all((suggested >= 0) & (suggested < len(number) * len(mass)))
-        and np.isin(found["predicted_regime"], LABELS).all()
-        and np.isin(found["regime"], LABELS).all()
-    )
-    if not fits:
-        raise MapError(f"{path} is not a refinement: its arrays do not fit together")
+    count = check_plane(number, mass)
+    if count > MAX_PLANE:
+        raise _SCHEMA.refusal(path, f"it has {count:,} cells: allowed are at most {MAX_PLANE:,}")
+    if np.any(suggested >= count):
+        raise _SCHEMA.refusal(path, f"suggested holds {suggested.max()}: it has {count} cells")
+    Design.from_dict(found["metadata"]["design"])
     return Refinement(
         number,
         mass,
@@ -431,6 +417,6 @@ def load_refinement(path: str | Path) -> Refinement:
         **{name: found[key].astype(float) for key, name in _FLOATS.items()},
         regime=found["predicted_regime"],
         suggested=suggested,
-        suggested_for_regime=found["suggested_for_regime"].astype(bool),
-        metadata=metadata,
+        suggested_for_regime=found["suggested_for_regime"],
+        metadata=found["metadata"],
     )

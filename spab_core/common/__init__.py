@@ -5,6 +5,7 @@ Module               What it answers
 errors               InputError: what a person gave is wrong, told in a sentence
 validation           Numbers that a person gave, checked against their range
 files                Files written whole or not at all; CSV
+arrays               What each kind of NPZ file must hold: a schema, checked on loading
 npz                  NPZ files: written the same to the byte, read with care
 paths                Where the dashboard, the shipped files and the documents lie
 private_folders      Folders of this user alone

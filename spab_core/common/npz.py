@@ -17,7 +17,7 @@ import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterator
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -57,14 +57,17 @@ class _InPieces(io.BufferedReader):
     long as it says.
     """
 
-    def read(self, size=-1, /):
+    def read(self, size: int | None = -1, /) -> bytes:
         if size is not None and size > _DIRECTORY_BYTES:
             raise ValueError("it has too many parts")
         return super().read(size)
 
 
 class Npz:
-    """The arrays of an open NPZ file by name, read when asked for."""
+    """The arrays of an open NPZ file by name, read when asked for.
+
+    Every method raises one of :data:`UNREADABLE` for an array that is not there or not what its
+    header says."""
 
     def __init__(self, archive: zipfile.ZipFile):
         self._archive = archive
@@ -74,16 +77,17 @@ class Npz:
         return name in self._names
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """An array; raises one of :data:`UNREADABLE` where it is not there or not what its header
-        says.
-        """
-        if name not in self:
-            raise ValueError(f"{name[:60]!r} is not in the file")
-        return self._read(name, MAX_BYTES)
+        """Return an array."""
+        self.header(name)
+        with self._open(name) as file:
+            return np.lib.format.read_array(file, allow_pickle=False)
 
-    def _read(self, name: str, most: int) -> np.ndarray:
-        member = self._archive.getinfo(f"{name}.npy")
-        with self._archive.open(member) as file:
+    def header(self, name: str, most: int = MAX_BYTES) -> tuple[tuple[int, ...], np.dtype]:
+        """Return shape and dtype of an array without unpacking it.
+
+        Raises ``ValueError`` too where the array is longer than its file or than ``most`` bytes.
+        """
+        with self._open(name) as file:
             version = np.lib.format.read_magic(file)
             if version not in ((1, 0), (2, 0)):
                 raise ValueError(f"{name[:60]!r} is written in an unknown way")
@@ -95,41 +99,24 @@ class Npz:
             shape, _, dtype = read(file)
             if dtype.kind not in _KINDS:
                 raise ValueError(f"{name[:60]!r} holds neither numbers nor text")
-            wanted, there = (
-                math.prod(map(int, shape)) * max(dtype.itemsize, 1),
-                member.file_size - file.tell(),
-            )
-            if any(length < 0 for length in shape) or wanted > min(there, most):
+            size = math.prod(map(int, shape)) * max(dtype.itemsize, 1)
+            there = self._archive.getinfo(f"{name}.npy").file_size - file.tell()
+            if any(length < 0 for length in shape) or size > min(there, most):
                 raise ValueError(
                     f"{name[:60]!r} of shape {str(shape)[:60]} is larger than the file, or than "
                     "allowed"
                 )
-        with self._archive.open(member) as file:
-            return np.lib.format.read_array(file, allow_pickle=False)
-
-    def fitting(self, name: str, dtype: Any, shape: tuple[int, ...] | None = None) -> np.ndarray:
-        """An array of the kind of ``dtype``, as that, and of a shape: numbers are not spelt out,
-        nor texts read as numbers.
-
-        Raises
-        ------
-        Exception
-            ``ValueError`` where kind or shape are others; else as for an array.
-        """
-        found = self[name]
-        if found.dtype.kind != np.dtype(dtype).kind or (shape is not None and found.shape != shape):
-            raise ValueError(
-                f"{name[:60]!r} of shape {str(found.shape)[:60]} does not fit the rest of the file"
-            )
-        return found.astype(dtype, copy=False)
+        return shape, dtype
 
     def json(self, name: str) -> Any:
-        """What a text says in JSON; raises as for an array, and for a text of more than
-        :data:`MAX_TEXT_BYTES`.
-        """
+        """Return what a text says in JSON; it has at most :data:`MAX_TEXT_BYTES`."""
+        self.header(name, MAX_TEXT_BYTES)
+        return json.loads(str(self[name]))
+
+    def _open(self, name: str) -> IO[bytes]:
         if name not in self:
             raise ValueError(f"{name[:60]!r} is not in the file")
-        return json.loads(str(self._read(name, MAX_TEXT_BYTES)))
+        return self._archive.open(f"{name}.npy")
 
 
 @contextlib.contextmanager

@@ -10,7 +10,6 @@ interpolated."""
 from __future__ import annotations
 
 import functools
-import io
 import json
 import math
 from collections.abc import Callable
@@ -22,6 +21,7 @@ import numpy as np
 from scipy.interpolate import NearestNDInterpolator, RegularGridInterpolator
 from sklearn.base import BaseEstimator, TransformerMixin
 
+from spab_core.common.arrays import Array, Schema, load
 from spab_core.common.errors import InputError
 from spab_core.common.files import write_atomically
 from spab_core.common.npz import npz_bytes
@@ -44,6 +44,13 @@ FEATURES = (
     "linear rate",
     "whirl frequency",
     "static eccentricity",
+)
+_NODE = ("bearing_number", "rotor_mass")
+_SCHEMA = Schema(
+    "linear table",
+    {name: Array(np.float64, (name,), rising=True) for name in _NODE}
+    | {name: Array(np.float32, _NODE, finite=True) for name in COLUMNS},
+    {"design": ()},
 )
 
 
@@ -159,16 +166,12 @@ def save_table(table: LinearTable, path: str | Path) -> None:
 
 
 def load_table(data: bytes) -> LinearTable:
-    """Read the bytes of a table; nothing is ever unpickled.
-
-    Raises ``ValueError`` or ``KeyError`` for other bytes.
-    """
-    with np.load(io.BytesIO(data), allow_pickle=False) as file:
-        design = Design.from_dict(json.loads(str(file["design"])))
-        arrays = [
-            np.asarray(file[name], float) for name in ("bearing_number", "rotor_mass", *COLUMNS)
-        ]
-    return LinearTable(design, *arrays)
+    """Read the bytes of a table; raises ``InputError`` for other bytes."""
+    found = load(data, _SCHEMA)
+    return LinearTable(
+        Design.from_dict(found.pop("design")),
+        **{name: array.astype(float, copy=False) for name, array in found.items()},
+    )
 
 
 @functools.lru_cache(maxsize=1)

@@ -18,15 +18,16 @@ import numpy as np
 import pandas as pd
 from joblib.externals.loky import ProcessPoolExecutor
 
+from spab_core.common.arrays import Array, Schema, load
 from spab_core.common.errors import InputError
 from spab_core.common.files import write_atomically
-from spab_core.common.npz import UNREADABLE, npz_bytes, open_npz
+from spab_core.common.npz import npz_bytes
 from spab_core.common.processes import end_with_parent
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
 from spab_core.maps.checkpoints import locked, open_run, read_part
 from spab_core.maps.compute import cell_values
-from spab_core.maps.stability_map import FIELDS, StabilityMap, check_axes
+from spab_core.maps.stability_map import CELLS, StabilityMap
 from spab_core.trajectory.compiling import compile_once
 from spab_core.trajectory.point import OperatingPoint, solve_point
 from spab_core.trajectory.provenance import map_metadata
@@ -36,11 +37,22 @@ VARY = ("rotor-mass", "bearing-number")
 SWEEPS = ("cold", "up", "down")
 SECTION_POINTS = 60
 MAX_POINTS = 20_000
-_COLUMNS: dict[str, type | str] = {
-    name: FIELDS[name]
-    for name in ("mle", "mle_standard_error", "regime", "period", "status", "contact_share")
+_COLUMNS = ("mle", "mle_standard_error", "regime", "period", "status", "contact_share")
+_ARRAYS = {  # of a Branch
+    "section": Array(np.float32, ("point", SECTION_POINTS, 4)),
+    **{name: CELLS[name].along("point") for name in _COLUMNS},
 }
-_ARRAYS = {"section": np.float32, **_COLUMNS}  # of a Branch
+_PIECE = _ARRAYS | {"start": Array(np.float64, ("state",), finite=True)}  # in a checkpoint
+_SCHEMA = Schema(
+    "bifurcation diagram",
+    {"values": Array(np.float64, ("point",), rising=True)}
+    | {
+        f"{sweep}.{name}": array.along(*array.shape, required=False)
+        for sweep in SWEEPS
+        for name, array in _ARRAYS.items()
+    },
+    {"metadata": ("vary", "at", "sweeps")},
+)
 PIECE = 5  # points solved between two checkpoints
 
 
@@ -144,7 +156,7 @@ def _solve_piece(
         start = point.trajectory.final if carry and point.trajectory.status == "ok" else None
         rows.append(_row(point))
     return {
-        name: np.array([row[name] for row in rows], dtype) for name, dtype in _ARRAYS.items()
+        name: np.array([row[name] for row in rows], array.dtype) for name, array in _ARRAYS.items()
     } | {"start": np.empty(0) if start is None else start}
 
 
@@ -300,7 +312,7 @@ def _kept_pieces(
     for k, indices in enumerate(order):
         path = _part(parts, sweep, k) if parts else None
         if path and path.exists():
-            found[k] = read_part(path, (*_ARRAYS, "start"), _ARRAYS, len(indices), run_hash)
+            found[k] = read_part(path, _PIECE, run_hash, len(indices))
         elif sweep != "cold":
             break
     return found
@@ -406,26 +418,16 @@ def load_bifurcation(path: str | Path) -> Bifurcation:
     InputError
         For a file that is none.
     """
-    try:
-        with open_npz(path) as data:
-            about = data.json("metadata")
-            values = data.fitting("values", float)
-            check_axes(path, values)
-            n = len(values)
-            branches = {}
-            for sweep in about["sweeps"]:
-                columns = {
-                    name: data.fitting(f"{sweep}.{name}", dtype, (n,))
-                    for name, dtype in _COLUMNS.items()
-                }
-                section = data.fitting(f"{sweep}.section", np.float32, (n, SECTION_POINTS, 4))
-                branches[str(sweep)] = Branch(section, **columns)
-            if about["vary"] not in VARY or not set(branches) <= set(SWEEPS):
-                raise InputError(
-                    f"{path} is no bifurcation diagram: its metadata are not those of one"
-                )
-            return Bifurcation(str(about["vary"]), float(about["at"]), values, branches, about)
-    except InputError:
-        raise
-    except UNREADABLE as error:
-        raise InputError(f"cannot read the bifurcation diagram {str(path)!r}: {error}") from None
+    found = load(path, _SCHEMA)
+    about = found["metadata"]
+    with _SCHEMA.reading(path):
+        if about["vary"] not in VARY or not set(about["sweeps"]) <= set(SWEEPS):
+            raise ValueError(
+                f"its metadata must name one of {', '.join(VARY)} to vary, and as sweeps "
+                f"{', '.join(SWEEPS)}"
+            )
+        branches = {
+            sweep: Branch(**{name: found[f"{sweep}.{name}"] for name in _ARRAYS})
+            for sweep in about["sweeps"]
+        }
+        return Bifurcation(about["vary"], float(about["at"]), found["values"], branches, about)

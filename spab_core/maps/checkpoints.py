@@ -6,15 +6,15 @@ import contextlib
 import hashlib
 import json
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
 import filelock
 import numpy as np
 
+from spab_core.common.arrays import Array, Schema, load
 from spab_core.common.files import patiently, write_atomically
-from spab_core.common.npz import UNREADABLE, open_npz
 from spab_core.design.model import Design
 from spab_core.maps.stability_map import MapError
 from spab_core.solver.cache import solver_hash
@@ -110,27 +110,25 @@ def remove_temporaries(folder: Path, name: str) -> None:
 
 
 def read_part(
-    path: Path, names: Iterable[str], per_point: Iterable[str], count: int, run_hash: str
-) -> dict:
-    """The arrays of a finished chunk, with ``count`` entries in those that have one a point.
+    path: Path, arrays: Mapping[str, Array], run_hash: str, count: int | None = None
+) -> dict[str, np.ndarray]:
+    """Return the arrays of a finished chunk; their dimension "point" has the length ``count``.
 
     Raises
     ------
     MapError
         For a file that is damaged or belongs to another run.
     """
-    try:
-        with open_npz(path) as data:
-            result = {name: data[name] for name in (*names, "run")}
-    except UNREADABLE as error:
-        raise MapError(
-            f"{path} is damaged ({error}); delete it to compute that chunk again"
-        ) from None
-    if str(result.pop("run")) != run_hash or any(
-        result[name].shape[:1] != (count,) for name in per_point
-    ):
-        raise MapError(f"{path} belongs to another run; delete it to compute that chunk again")
-    return result
+    schema = Schema(
+        "finished chunk",
+        {**arrays, "run": Array("<U64")},
+        error=MapError,
+        advice="; delete it to compute that chunk again",
+    )
+    found = load(path, schema, None if count is None else {"point": count})
+    if str(found.pop("run")) != run_hash:
+        raise schema.refusal(path, "it belongs to another run")
+    return found
 
 
 def remove_parts(parts: Path) -> None:

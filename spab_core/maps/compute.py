@@ -13,16 +13,19 @@ from pathlib import Path
 import joblib
 import numpy as np
 
+from spab_core.common.arrays import Array
 from spab_core.common.files import write_atomically
 from spab_core.common.npz import npz_bytes
 from spab_core.design.model import Design
 from spab_core.maps.checkpoints import CHUNK_CELLS, locked, open_run, read_part
 from spab_core.maps.parallel import cluster_or_processes
-from spab_core.maps.stability_map import FIELDS, MapError, StabilityMap, check_plane
+from spab_core.maps.stability_map import CHUNK_ARRAYS, FIELDS, MapError, StabilityMap, check_plane
 from spab_core.solver.cache import solver_hash
 from spab_core.trajectory.point import OperatingPoint, solve_point
 from spab_core.trajectory.provenance import map_metadata
 from spab_core.trajectory.settings import Settings
+
+_CHUNK = CHUNK_ARRAYS | {"seconds": Array(np.float64, low=0.0), "steps": Array(np.int64, low=0)}
 
 
 def cell_values(point: OperatingPoint) -> dict:
@@ -110,9 +113,7 @@ def compute_map(
         for k in range(len(chunks)):
             path = parts / f"chunk-{k:06d}.npz" if parts else None
             if path and path.exists():
-                results[k] = read_part(
-                    path, (*FIELDS, "seconds", "steps"), FIELDS, len(chunks[k]), run_hash
-                )
+                results[k] = read_part(path, _CHUNK, run_hash, len(chunks[k]))
         if progress:
             progress(sum(len(chunks[k]) for k in results))
         missing = [k for k in range(len(chunks)) if k not in results]

@@ -7,32 +7,51 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from spab_core.common.arrays import Array, Schema, load
 from spab_core.common.errors import InputError
 from spab_core.common.files import write_atomically
-from spab_core.common.npz import UNREADABLE, npz_bytes, open_npz
+from spab_core.common.npz import npz_bytes
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
 from spab_core.solver.stepping import STATUS
 from spab_core.trajectory.regimes import MAX_PERIOD, REGIMES, Regime
 
 MAX_CELLS = 2_000_000
-FIELDS: dict[str, type | str] = {  # dtype of each cell array, in the file's order
-    "mle": np.float64,
-    "mle_standard_error": np.float64,
-    "regime": "<U14",
-    "period": np.int16,
-    "contact_share": np.float64,
-    "max_eccentricity": np.float64,
-    "status": "<U16",
-    "revolutions": np.int32,
+_CELL = ("bearing_number", "rotor_mass")
+CELLS = {  # the arrays with one value a cell, in the file's order
+    "mle": Array(np.float64, _CELL),
+    "mle_standard_error": Array(np.float64, _CELL, low=0.0, high=1e6),
+    "regime": Array("<U14", _CELL, texts=(*REGIMES, "")),
+    "period": Array(np.int16, _CELL, low=0, high=MAX_PERIOD),
+    "contact_share": Array(np.float64, _CELL, low=0.0, high=1.0 + 1e-9),
+    "max_eccentricity": Array(np.float64, _CELL, low=0.0, high=1e6),
+    "status": Array("<U16", _CELL, texts=STATUS),
+    "revolutions": Array(np.int32, _CELL, low=0, high=1e6),
+}
+FIELDS: dict[str, Any] = {name: array.dtype for name, array in CELLS.items()}
+CHUNK_ARRAYS = {
+    name: array.along("point") for name, array in CELLS.items()
+}  # cells of a checkpoint
+AXES = {
+    "bearing_number": Array(np.float64, ("bearing_number",), rising=True),
+    "rotor_mass": Array(np.float64, ("rotor_mass",), rising=True),
 }
 
 
 class MapError(InputError):
     """A map file that cannot be read, or a run that cannot be resumed; the message says why."""
+
+
+_SCHEMA = Schema(
+    "map",
+    AXES | CELLS,
+    {"metadata": ("design", "mesh", "transient", "revolutions")},
+    error=MapError,
+)
 
 
 @dataclass(frozen=True)
@@ -140,23 +159,6 @@ def check_plane(bearing_number: np.ndarray, rotor_mass: np.ndarray) -> int:
     return count
 
 
-def check_axes(path: str | Path, *axes: np.ndarray) -> None:
-    """Raise :class:`MapError` unless the axes of a file are one-dimensional, finite numbers that
-    rise.
-    """
-    for a in axes:
-        if (
-            a.ndim != 1
-            or a.dtype.kind != "f"
-            or not a.size
-            or not np.isfinite(a).all()
-            or np.any(np.diff(a) <= 0.0)
-        ):
-            raise MapError(
-                f"{path} is damaged: its axes must be one-dimensional, finite numbers that rise"
-            )
-
-
 def map_bytes(result: StabilityMap) -> bytes:
     """A map as the bytes of an NPZ file.
 
@@ -178,51 +180,13 @@ def load_map(path: str | Path) -> StabilityMap:
     Raises
     ------
     MapError
-        For a file that is no map: missing keys, wrong shapes or kinds, values that do not fit
-        together.
+        For a file that is no map.
+    InputError
+        For a plane or design out of range.
     """
-    try:
-        with open_npz(path) as data:
-            missing = [
-                k for k in ("bearing_number", "rotor_mass", *FIELDS, "metadata") if k not in data
-            ]
-            if missing:
-                raise MapError(f"{path} is not a map: it lacks {', '.join(missing)}")
-            b, m = data["bearing_number"], data["rotor_mass"]
-            check_axes(path, b, m)
-            check_plane(b, m)
-            arrays = {}
-            for name, dtype in FIELDS.items():
-                array = data[name]
-                if array.shape != (len(b), len(m)) or array.dtype.kind != np.dtype(dtype).kind:
-                    raise MapError(
-                        f"{path} is not a map: {name} must be {len(b)} x {len(m)} of kind "
-                        f"{np.dtype(dtype).kind}"
-                    )
-                arrays[name] = array.astype(dtype, copy=False)
-            metadata = data.json("metadata")
-    except InputError:
-        raise
-    except UNREADABLE as error:
-        raise MapError(f"cannot read the map {str(path)!r}: {error}") from None
-    known = (
-        np.isin(arrays["regime"], [*REGIMES, ""]).all()
-        and np.isin(arrays["status"], STATUS).all()
-        and arrays["period"].min(initial=0) >= 0
-        and arrays["period"].max(initial=0) <= MAX_PERIOD
-    )
-    if not known or not np.all(np.isfinite(arrays["mle"]) == (arrays["status"] == "ok")):
-        raise MapError(f"{path} is not a map: regime, status and exponent do not fit together")
-    for name, most in (
-        ("contact_share", 1.0 + 1e-9),
-        ("max_eccentricity", 1e6),
-        ("mle_standard_error", 1e6),
-        ("revolutions", 1e6),
-    ):
-        if np.any(arrays[name] < 0.0) or np.any(arrays[name] > most):
-            raise MapError(f"{path} is not a map: {name} must lie between 0 and {most:g}")
-    for key in ("design", "mesh", "transient", "revolutions"):
-        if not isinstance(metadata, dict) or key not in metadata:
-            raise MapError(f"{path} is not a map: its metadata lack {key}")
-    Design.from_dict(metadata["design"])
-    return StabilityMap(b, m, **arrays, metadata=metadata)
+    found = load(path, _SCHEMA)
+    check_plane(found["bearing_number"], found["rotor_mass"])
+    if np.any(np.isfinite(found["mle"]) != (found["status"] == "ok")):
+        raise _SCHEMA.refusal(path, 'mle must be finite where status is "ok", and nowhere else')
+    Design.from_dict(found["metadata"]["design"])
+    return StabilityMap(**found)

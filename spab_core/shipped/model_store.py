@@ -33,7 +33,8 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.exceptions import InconsistentVersionWarning
 from threadpoolctl import threadpool_limits
 
-from spab_core.common.npz import UNREADABLE, npz_bytes, open_npz
+from spab_core.common.arrays import Array, Schema, load
+from spab_core.common.npz import npz_bytes
 from spab_core.common.source_hash import source_hash
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
@@ -77,6 +78,7 @@ INTERVALS_RECIPE = (*RECIPE, classifier, uncertainty)
 # per revolution or of a probability; without AVX and with another BLAS kernel predictions moved by
 # 2e-14
 SAME = 1e-6
+_MAPS_JSON = {"metadata": ("divisors", "models", "masks")}  # of the file of predicted maps
 _GRID = 4  # predictions noted with a model: at 4 x 4 cells over the plane
 Progress = Callable[[int, int], None]  # steps done, steps in all
 
@@ -820,26 +822,30 @@ def load_shipped_map(
     """
     data, retrain = checked_bytes(PREDICTIONS, folder), "`spab train --all` makes it again"
     wanted = {"design": design_hash(m.design), "map": map_hash(m), "seed": seed}
-    try:
-        with open_npz(data) as file:
-            noted = file.json("metadata")
-            if apart := difference(noted, wanted):
-                raise ArtifactError(
-                    f"the predicted maps of {PREDICTIONS} are not shown: {apart}; {retrain}"
-                )
-            row = noted["divisors"].index(divisor)
-            mle = file[kind.name][row].astype(float)
-            about, expected_mask = noted["models"][kind.name][row], noted["masks"][row]
-        cells, converged = int(about["training_cells"]), about["converged"]
-        if mle.shape != m.shape or not np.array_equal(np.isfinite(mle), np.isfinite(m.mle)):
-            raise ValueError("it does not fit the map")
-    except ArtifactError:
-        raise
-    except UNREADABLE as error:
+    noted = load(data, Schema("predicted maps", {}, _MAPS_JSON, ArtifactError, f"; {retrain}"))[
+        "metadata"
+    ]
+    if apart := difference(noted, wanted):
         raise ArtifactError(
-            f"{kind.label} trained on n/{divisor} is not in {PREDICTIONS} ({str(error)[:100]}); "
-            f"{retrain}"
-        ) from None
+            f"the predicted maps of {PREDICTIONS} are not shown: {apart}; {retrain}"
+        )
+    plane = ("bearing_number", "rotor_mass")
+    schema = Schema(
+        f"map predicted by {kind.label} in {PREDICTIONS}",
+        {kind.name: Array(np.float32, ("divisor", *plane))},
+        error=ArtifactError,
+        advice=f"; {retrain}",
+    )
+    found = load(data, schema, dict(zip(plane, m.shape, strict=True)))
+    with schema.reading(data):
+        if divisor not in noted["divisors"]:
+            raise ValueError(f"there is no map of n/{divisor}")
+        row = noted["divisors"].index(divisor)
+        mle = found[kind.name][row].astype(float)
+        about, expected_mask = noted["models"][kind.name][row], noted["masks"][row]
+        cells, converged = int(about["training_cells"]), about["converged"]
+        if not np.array_equal(np.isfinite(mle), np.isfinite(m.mle)):
+            raise ValueError("it has no value where the map has one, or one where it has none")
     index, _, values = solved_cells(m)
     trained = np.zeros(m.mle.size, bool)
     trained[index[training_mask(len(values), divisor, seed)]] = True

@@ -15,7 +15,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,9 +22,10 @@ from crepes import ConformalRegressor
 from crepes.extras import DifficultyEstimator
 from sklearn.isotonic import IsotonicRegression
 
+from spab_core.common.arrays import Array, Schema, load
 from spab_core.common.errors import InputError
 from spab_core.common.files import write_atomically
-from spab_core.common.npz import UNREADABLE, npz_bytes, open_npz
+from spab_core.common.npz import npz_bytes
 from spab_core.linear_theory.linear_table import LinearFeatures, LinearTable, shipped_table
 from spab_core.maps.stability_map import StabilityMap
 from spab_core.surrogates.classifier import PredictedRegimes, RegimeTrees, predict_regimes
@@ -322,19 +322,31 @@ def uncertain_map(
     )
 
 
-_ARRAYS: dict[str, Any] = {
-    "low": np.float32,
-    "high": np.float32,
-    "unstable": np.float32,
-    "regime": "<U14",
-    "held_out": bool,
-}
+_CELL = ("bearing_number", "rotor_mass")
+_SCHEMA = Schema(
+    "intervals",
+    {
+        "low": Array(np.float32, _CELL),
+        "high": Array(np.float32, _CELL),
+        "unstable": Array(np.float32, _CELL, low=0.0, high=1.0),
+        "regime": Array("<U14", _CELL, texts=(*REGIMES, "")),
+        "held_out": Array(bool, _CELL),
+        "seconds": Array(np.float64, low=0.0),
+    },
+)
 
 
 def save_intervals(found: MapIntervals, path: str | Path) -> None:
     """Write the intervals of a map as NPZ, atomically."""
-    arrays = {name: getattr(found, name).astype(dtype) for name, dtype in _ARRAYS.items()}
-    write_atomically(path, npz_bytes(arrays | {"seconds": np.array(found.seconds)}))
+    write_atomically(
+        path,
+        npz_bytes(
+            {
+                name: np.asarray(getattr(found, name)).astype(array.dtype)
+                for name, array in _SCHEMA.arrays.items()
+            }
+        ),
+    )
 
 
 def load_intervals(path: str | Path, m: StabilityMap) -> MapIntervals:
@@ -345,13 +357,8 @@ def load_intervals(path: str | Path, m: StabilityMap) -> MapIntervals:
     InputError
         For a file that is none, or does not fit the map.
     """
-    try:
-        with open_npz(path) as data:
-            arrays = {name: data.fitting(name, dtype, m.shape) for name, dtype in _ARRAYS.items()}
-            seconds = float(data.fitting("seconds", float, ()))
-    except UNREADABLE as error:
-        raise InputError(f"cannot read the intervals in {path} ({str(error)[:100]})") from None
-    return MapIntervals(**arrays, seconds=seconds)
+    found = load(path, _SCHEMA, dict(zip(_CELL, m.shape, strict=True)))
+    return MapIntervals(**found | {"seconds": float(found["seconds"])})
 
 
 def reliability(

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from spab_core.common.arrays import Array, Schema, load
 from spab_core.common.errors import InputError
-from spab_core.common.npz import UNREADABLE, npz_bytes, open_npz
+from spab_core.common.npz import npz_bytes
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.design.model import Design
 from spab_core.linear_theory.linear_table import table_for
@@ -44,6 +45,14 @@ _RANGES = {
     "rotor_mass": (*ROTOR_MASS_RANGE, " kg"),
     "mle": (-LARGEST, LARGEST, " per revolution"),
 }
+_SCHEMA = Schema(
+    "samples",
+    {
+        "inputs": Array(np.float64, ("sample", 2), finite=True),
+        "mle": Array(np.float64, ("sample",), -LARGEST, LARGEST, finite=True),
+        "left_out": Array(np.int64, low=0),
+    },
+)
 
 
 @dataclass(frozen=True)
@@ -142,22 +151,12 @@ def samples_bytes(samples: Samples) -> bytes:
 
 
 def load_samples(path: Path) -> Samples:
-    """What :func:`samples_bytes` gave, from a file; nothing in it is unpickled.
+    """Read what :func:`samples_bytes` gave from a file.
 
     Raises ``InputError`` for any other file.
     """
-    try:
-        with open_npz(path) as data:
-            found = Samples(data["inputs"], data["mle"], int(data["left_out"]))
-    except UNREADABLE as error:
-        raise InputError(f"cannot read the samples {str(path)!r}: {error}") from None
-    if (
-        found.mle.dtype.kind != "f"
-        or found.inputs.shape != (len(found.mle), 2)
-        or not np.isfinite(found.mle).all()
-    ):
-        raise InputError(f"{path} holds no samples: its arrays do not fit together")
-    return found
+    found = load(path, _SCHEMA)
+    return Samples(found["inputs"], found["mle"], int(found["left_out"]))
 
 
 def _numbers(column: pd.Series, name: str, empty_allowed: bool) -> np.ndarray:

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from spab_core.common.errors import InputError
+from spab_core.common.arrays import Array, Schema, load
 from spab_core.common.files import write_atomically
-from spab_core.common.npz import UNREADABLE, npz_bytes, open_npz
+from spab_core.common.npz import npz_bytes
 from spab_core.design.model import Design
 from spab_core.solver.stepping import STATUS
 from spab_core.trajectory.lyapunov import Exponent
@@ -23,15 +23,19 @@ from spab_core.trajectory.regimes import REGIMES, Regime
 from spab_core.trajectory.run import Trajectory
 from spab_core.trajectory.settings import Settings
 
-_ARRAYS = {
-    "section": 2,
-    "growth": 1,
-    "contact": 1,
-    "peak": 1,
-    "path": 3,
-    "final": 1,
-}  # of a Trajectory, with their dimensions
-_ROTOR_STATES = {"section", "path"}
+_ARRAYS = {  # of a Trajectory
+    "section": Array(np.float64, ("revolution", 8)),
+    "growth": Array(np.float64, ("tangent revolution",)),
+    "contact": Array(np.float64, ("revolution",)),
+    "peak": Array(np.float64, ("revolution",)),
+    "path": Array(np.float64, ("path revolution", "sample", 8)),
+    "final": Array(np.float64, ("state",)),
+}
+_SCHEMA = Schema(
+    "operating point",
+    {**_ARRAYS, "trace": Array(np.float64, ("trace",))},
+    {"metadata": ("design", "settings", "status", "settled", "mle", "regime")},
+)
 
 
 def point_arrays(point: OperatingPoint) -> dict[str, np.ndarray]:
@@ -71,36 +75,24 @@ def load_point(path: str | Path) -> OperatingPoint:
     InputError
         For a file that is none.
     """
-    try:
-        with open_npz(path) as data:
-            about = data.json("metadata")
-            arrays = {name: data.fitting(name, float) for name in _ARRAYS}
-            trace = data.fitting("trace", float)
-        fits = all(arrays[name].ndim == n for name, n in _ARRAYS.items()) and trace.ndim == 1
-        if (
-            not fits
-            or any(arrays[name].shape[-1] != 8 for name in _ROTOR_STATES)
-            or about["status"] not in STATUS
-        ):
-            raise InputError(f"{path} is no operating point: its arrays do not fit together")
-        settled = Settled(**about["settled"]) if about["settled"] else None
-        mle = (
-            Exponent(float(about["mle"][0]), float(about["mle"][1]), trace)
-            if about["mle"]
-            else None
-        )
+    arrays = load(path, _SCHEMA)
+    about, trace = arrays.pop("metadata"), arrays.pop("trace")
+    with _SCHEMA.reading(path):
+        mle = None
+        if about["mle"]:
+            mle = Exponent(float(about["mle"][0]), float(about["mle"][1]), trace)
         regime = Regime(**about["regime"]) if about["regime"] else None
-        if (mle is None) != (regime is None) or (regime and regime.name not in REGIMES):
-            raise InputError(
-                f"{path} is no operating point: regime and exponent do not fit together"
-            )
+        if about["status"] not in STATUS or (regime and regime.name not in REGIMES):
+            raise ValueError("its metadata name an unknown status or regime")
+        if (mle is None) != (regime is None):
+            raise ValueError("its metadata must have both exponent and regime, or neither")
         trajectory = Trajectory(
             about["status"],
             int(about["completed"]),
             **arrays,
             steps=int(about["steps"]),
             wall_seconds=float(about["wall_seconds"]),
-            settled=settled,
+            settled=Settled(**about["settled"]) if about["settled"] else None,
         )
         return OperatingPoint(
             Design.from_dict(about["design"]),
@@ -111,7 +103,3 @@ def load_point(path: str | Path) -> OperatingPoint:
             mle,
             regime,
         )
-    except InputError:
-        raise
-    except UNREADABLE as error:
-        raise InputError(f"cannot read the operating point {str(path)!r}: {error}") from None

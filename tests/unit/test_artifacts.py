@@ -133,5 +133,5 @@ def test_files_that_are_no_maps_are_refused(tmp_path, copy):
         "rotor_mass": good["rotor_mass"].astype(str),
     }.items():
         np.savez(bad, **(good | {name: value}))
-        with pytest.raises(MapError, match=r"not a map|is damaged"):
+        with pytest.raises(MapError, match="cannot read the map"):
             load_map(bad)

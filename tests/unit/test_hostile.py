@@ -391,7 +391,7 @@ def test_maps_whose_axes_do_not_rise_are_refused(tmp_path, folder):
         axis = m.rotor_mass.copy()
         axis[-1] = wrong
         save_map(dataclasses.replace(m, rotor_mass=axis), tmp_path / "m.npz")
-        with pytest.raises(InputError, match=r"rise|out of range"):
+        with pytest.raises(InputError, match=r"rise|finite|out of range"):
             load_map(tmp_path / "m.npz")
 
 

@@ -511,7 +511,7 @@ def test_parts_of_another_run_are_refused(design, tmp_path):
     chunk = sorted(parts.glob("chunk-*.npz"))[0]
     whole = chunk.read_bytes()
     chunk.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(MapError, match="damaged"):
+    with pytest.raises(MapError, match="cannot read the finished chunk"):
         solve_live(design, parts)
     with np.load(io.BytesIO(whole)) as data:
         np.savez(chunk, **(dict(data) | {"run": "other"}))
