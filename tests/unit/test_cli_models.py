@@ -31,7 +31,7 @@ from spab_core.shipped.model_store import predictions
 from spab_core.shipped.verify import verify
 from spab_core.surrogates.models import DIVISORS, MODELS, Surrogate
 from tests.conftest import ROOT
-from tests.unit.test_surrogates import map_of
+from tests.maps import map_of
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -79,6 +79,7 @@ def folder(tmp_path, built):
     return shutil.copytree(built, tmp_path / "copy")
 
 
+@pytest.mark.slow
 def test_rebuilding_gives_the_same_bytes(tmp_path, map_file):
     """On one process and on two, with other string hashes and threads; in new interpreters, as the
     command does it: a pickle's bytes also tell which equal objects are one, and that another model
@@ -115,6 +116,7 @@ def test_rebuilding_gives_the_same_bytes(tmp_path, map_file):
     assert "seconds" not in (tmp_path / "0" / SCORES).read_text().splitlines()[0]
 
 
+@pytest.mark.slow
 def test_what_train_all_wrote_is_verified(capsys, built):
     assert main(["verify", "--folder", str(built), "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)

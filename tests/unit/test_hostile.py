@@ -260,6 +260,7 @@ def _flags(path):
     return {a.option_strings[-1] for a in COMMANDS[path] if a.nargs == 0}
 
 
+@pytest.mark.slow
 def test_damaged_files_and_values_of_every_kind():
     """A few hundred of the cases of benchmarks/fuzz.py; the script says which failed."""
     found = subprocess.run(

@@ -48,6 +48,7 @@ print("same bits")
 """
 
 
+@pytest.mark.slow
 def test_eight_threads_solve_different_points_to_the_same_bits():
     path = os.pathsep.join(
         [str(Path(spab_core.__file__).parent.parent), os.environ.get("PYTHONPATH", "")]
