@@ -9,6 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import spab_core
 
 # in a process of its own: an abort would take the test run with it, and no kernel is loaded yet
