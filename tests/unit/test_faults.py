@@ -356,7 +356,7 @@ def test_a_worker_process_ends_with_the_one_that_started_it():
 def test_two_processes_do_one_job_once(root):
     """Both submit it at the same moment; one worker does it, the other finds it taken or done."""
     program = (
-        "import json, sys; from spab_core import jobs\n"
+        "import json, sys; from spab_core.jobs import store as jobs\n"
         "print(jobs.submit('bifurcation', json.loads(sys.argv[1])).id)"
     )
     both = [

@@ -461,7 +461,7 @@ def test_a_design_file_that_costs_by_its_square_is_refused(tmp_path, capsys):
     )
     assert "more than 20,000 bytes" in capsys.readouterr().err
     sources = [*ROOT.glob("*.py"), *ROOT.glob("pages/*.py"), *ROOT.glob("spab_core/**/*.py")]
-    assert [p.name for p in sources if "tomllib" in p.read_text("utf-8")] == ["design.py"]
+    assert [p.name for p in sources if "tomllib" in p.read_text("utf-8")] == ["model.py"]
 
 
 def test_an_infinite_stiffness_is_listed_as_json(capsys):
