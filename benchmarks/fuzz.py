@@ -667,7 +667,7 @@ def targets(folder):
         ),
         "linear table": (
             2,
-            [resources.files("spab_core").joinpath("design/data", features.SHIPPED).read_bytes()],
+            [(resources.files("spab_core.design") / "data" / features.SHIPPED).read_bytes()],
             damaged_npz,
             read_table,
         ),
