@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from sklearn.ensemble import ExtraTreesClassifier, ExtraTreesRegressor
+from sklearn.metrics import mean_absolute_error, root_mean_squared_error
 
 from spab_core.linear_theory.linear_table import FEATURES, LinearFeatures, LinearTable
 from spab_core.maps.stability_map import StabilityMap
-from spab_core.surrogates.metrics import mae, regime_scores, rmse
+from spab_core.surrogates.metrics import regime_scores
 from spab_core.surrogates.theory_trees import baseline
 from spab_core.trajectory.regimes import REGIMES
 
@@ -186,8 +187,8 @@ def exponent_scores(m: StabilityMap, predicted: np.ndarray, cells: np.ndarray) -
     return {
         name: function(truth[chosen], predicted[chosen]) if chosen.any() else np.nan
         for name, function, chosen in (
-            ("rmse", rmse, known),
-            ("rmse_undamped", rmse, undamped),
-            ("mae", mae, known),
+            ("rmse", root_mean_squared_error, known),
+            ("rmse_undamped", root_mean_squared_error, undamped),
+            ("mae", mean_absolute_error, known),
         )
     }

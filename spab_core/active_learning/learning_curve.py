@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from sklearn.metrics import f1_score
 
 from spab_core.active_learning.committee import (
     Prediction,
@@ -22,7 +23,6 @@ from spab_core.active_learning.refine import START, refine
 from spab_core.common.errors import InputError
 from spab_core.common.paths import HOME
 from spab_core.maps.stability_map import StabilityMap
-from spab_core.surrogates.metrics import f1
 from spab_core.surrogates.models import MODELS, linear_table_of, train
 
 DIVISORS = (64, 32, 16, 8, 4)  # n/64 ... n/4 solved cells
@@ -179,7 +179,11 @@ def _model_scores(
     return (
         *exponent_scores(m, predicted, cells).values(),
         np.nan,  # exponents alone do not tell periodic from quasi-periodic
-        f1(m.regime.ravel()[cells] == "chaotic", predicted[cells] > CHAOTIC_MLE),
+        f1_score(
+            m.regime.ravel()[cells] == "chaotic",
+            predicted[cells] > CHAOTIC_MLE,
+            zero_division=np.nan,
+        ),
     )
 
 

@@ -18,9 +18,7 @@ import platform
 import threading
 import time
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass, fields
-from multiprocessing.pool import ThreadPool
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -28,7 +26,6 @@ from typing import Any
 import joblib
 import numpy as np
 import pandas as pd
-from joblib.parallel import ThreadingBackend
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.exceptions import InconsistentVersionWarning
 from threadpoolctl import threadpool_limits
@@ -57,6 +54,7 @@ from spab_core.surrogates.models import (
     MODELS,
     Model,
     PredictedMap,
+    Progress,
     Surrogate,
     linear_table_of,
     predict_map,
@@ -80,7 +78,6 @@ INTERVALS_RECIPE = (*RECIPE, classifier, uncertainty)
 SAME = 1e-6
 _MAPS_JSON = {"metadata": ("divisors", "models", "masks")}  # of the file of predicted maps
 _GRID = 4  # predictions noted with a model: at 4 x 4 cells over the plane
-Progress = Callable[[int, int], None]  # steps done, steps in all
 
 
 @functools.cache
@@ -424,34 +421,6 @@ def load_kept_model(
     return kept
 
 
-class _CountingThread(ThreadingBackend):
-    """joblib on one thread, in order (sums come out the same to the bit), telling how many tasks
-    (trees) are done.
-    """
-
-    def __init__(self, total: int = 1, progress: Progress | None = None, **options):
-        super().__init__(**options)
-        self._pool: ThreadPool | None = None
-        self.total, self.progress, self.done = total, progress, 0
-
-    def effective_n_jobs(self, n_jobs):
-        return 2  # for one, joblib would go round this class
-
-    def _get_pool(self):
-        self._pool = self._pool or ThreadPool(1)
-        return self._pool
-
-    def submit(self, func, callback=None):
-        def counted(result):
-            if self.progress is not None and 1 < self.total > self.done:
-                self.done += 1
-                self.progress(self.done, self.total)
-            if callback is not None:
-                callback(result)
-
-        return super().submit(func, counted)
-
-
 def train_on_map(
     m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, progress: Progress | None = None
 ) -> PredictedMap:
@@ -463,7 +432,7 @@ def train_on_map(
     m, kind, divisor, seed :
         As there.
     progress : callable
-        Called with the steps done and the steps in all: trees, or one for the whole training.
+        As of :func:`spab_core.surrogates.models.train`.
 
     Returns
     -------
@@ -471,24 +440,7 @@ def train_on_map(
     """
     m = _with_plain_dtypes(m)
     with threadpool_limits(1):  # sums in another order would be other bits
-        if progress is None:
-            return predict_map(m, kind, divisor, seed)
-        total = _trees(kind)
-        progress(0, total)
-        with joblib.parallel_config(backend=_CountingThread(total, progress)):
-            found = predict_map(m, kind, divisor, seed)
-    progress(total, total)
-    return found
-
-
-def _trees(kind: Model) -> int:
-    try:
-        return kind.build(0).n_estimators
-    except (
-        AttributeError,
-        TypeError,
-    ):  # no forest, or built from more than a seed: its training is one step
-        return 1
+        return predict_map(m, kind, divisor, seed, progress=progress)
 
 
 def _with_plain_dtypes(m: StabilityMap) -> StabilityMap:

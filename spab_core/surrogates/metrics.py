@@ -8,6 +8,12 @@ from collections.abc import Callable, Iterable, Sequence
 import joblib
 import numpy as np
 import pandas as pd
+from sklearn.metrics import (
+    accuracy_score,
+    f1_score,
+    mean_absolute_error,
+    root_mean_squared_error,
+)
 
 from spab_core.maps.stability_map import StabilityMap
 from spab_core.surrogates.classifier import regimes_by_threshold
@@ -16,23 +22,11 @@ from spab_core.surrogates.uncertainty import MapIntervals, reliability, uncertai
 from spab_core.trajectory.regimes import REGIMES
 
 SEEDS = tuple(range(10))
-METRICS = ("rmse", "mae")
-
-
-def rmse(truth: np.ndarray, predicted: np.ndarray) -> float:
-    """Root mean square error, eq.
-
-    (8) of the paper, in the unit of its arguments (arrays of one shape).
-    """
-    return float(np.sqrt(np.mean((np.asarray(truth) - np.asarray(predicted)) ** 2)))
-
-
-def mae(truth: np.ndarray, predicted: np.ndarray) -> float:
-    """Mean absolute error, eq.
-
-    (9) of the paper, in the unit of its arguments (arrays of one shape).
-    """
-    return float(np.mean(np.abs(np.asarray(truth) - np.asarray(predicted))))
+# equations (8) and (9) of the paper, in the unit of their arguments
+ERRORS: dict[str, Callable[..., float]] = {
+    "rmse": root_mean_squared_error,
+    "mae": mean_absolute_error,
+}
 
 
 def errors(m: StabilityMap, predicted: PredictedMap) -> dict[str, float]:
@@ -40,31 +34,22 @@ def errors(m: StabilityMap, predicted: PredictedMap) -> dict[str, float]:
     held-out ones, if any.
     """
     found = {}
-    for name, function in (("rmse", rmse), ("mae", mae)):
+    for name, function in ERRORS.items():
         for where, cells in (("all", np.isfinite(m.mle)), ("held_out", predicted.held_out)):
             if cells.any():
                 found[f"{name}_{where}"] = function(m.mle[cells], predicted.mle[cells])
     return found
 
 
-def f1(truth: np.ndarray, predicted: np.ndarray) -> float:
-    """F1 score of a class, arrays of bool of one shape: harmonic mean of precision and recall; nan
-    without such a class.
-    """
-    both, either = (
-        np.count_nonzero(truth & predicted),
-        np.count_nonzero(truth) + np.count_nonzero(predicted),
-    )
-    return 2.0 * both / either if either else math.nan
-
-
 def regime_scores(truth: np.ndarray, predicted: np.ndarray) -> dict[str, float]:
     """``regime_accuracy`` and ``chaos_f1`` of predicted regimes, arrays of str (n,); nan where
     there is nothing to count.
     """
+    if not len(truth):
+        return {"regime_accuracy": math.nan, "chaos_f1": math.nan}
     return {
-        "regime_accuracy": float(np.mean(truth == predicted)) if len(truth) else math.nan,
-        "chaos_f1": f1(truth == "chaotic", predicted == "chaotic"),
+        "regime_accuracy": accuracy_score(truth, predicted),
+        "chaos_f1": f1_score(truth == "chaotic", predicted == "chaotic", zero_division=math.nan),
     }
 
 

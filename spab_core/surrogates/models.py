@@ -44,6 +44,8 @@ MIN_TRAINING = 8  # cells
 SPLITS = ("random", "blocks")
 BLOCKS = 10  # rectangles along each axis of the plane
 WITHHELD = 0.25  # of the rectangles
+TREES_A_STEP = 10  # of a forest that tells its progress
+Progress = Callable[[int, int], None]  # steps done, steps in all
 
 
 class Interpolation(RegressorMixin, BaseEstimator):
@@ -339,6 +341,7 @@ def train(
     mle: np.ndarray,
     seed: int = 0,
     table: LinearTable | None = None,
+    progress: Progress | None = None,
 ) -> Surrogate:
     """Train one model.
 
@@ -353,6 +356,8 @@ def train(
     table : LinearTable
         Of the design (:func:`linear_table_of`), for models that start from linear theory; left out:
         the reference design's.
+    progress : callable
+        Called with the steps done and the steps in all: trees of a forest, else one.
 
     Returns
     -------
@@ -367,11 +372,35 @@ def train(
     began = time.perf_counter()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # told by ``converged``
-        estimator.fit(inputs, mle)
+        _fit(estimator, inputs, mle, progress or (lambda done, total: None))
     seconds = time.perf_counter() - began
     inner = None if kind.theory else estimator.regressor_[-1]
     converged = inner.n_iter_ < inner.max_iter if isinstance(inner, MLPRegressor) else None
     return Surrogate(kind, estimator, seed, len(mle), seconds, converged)
+
+
+def _fit(estimator: BaseEstimator, X: np.ndarray, y: np.ndarray, progress: Progress) -> None:
+    """Fit an estimator, a forest some trees at a time; the trees are those of one fit, to the bit."""
+    theory = isinstance(estimator, TheoryTrees)
+    unfitted = estimator if theory else estimator.regressor[-1]
+    total = getattr(unfitted, "n_estimators", 1)
+    progress(0, total)
+    if total > 1:
+        unfitted.set_params(n_estimators=min(TREES_A_STEP, total))
+    estimator.fit(X, y)
+    if total > 1:
+        unfitted.set_params(n_estimators=total)
+        if theory:
+            forest, (X, y) = estimator.trees_, estimator.remainder(X, y)
+        else:
+            forest, X = estimator.regressor_[-1], estimator.regressor_[:-1].transform(X)
+            y = estimator.transformer_.transform(y[:, None])[:, 0]
+        for done in range(TREES_A_STEP, total, TREES_A_STEP):
+            progress(done, total)
+            count = min(done + TREES_A_STEP, total)
+            forest.set_params(n_estimators=count, warm_start=True).fit(X, y)
+        forest.set_params(warm_start=False)
+    progress(total, total)
 
 
 @dataclass(frozen=True)
@@ -411,7 +440,12 @@ class PredictedMap:
 
 
 def predict_map(
-    m: StabilityMap, kind: Model, divisor: int, seed: int = 0, split: str = "random"
+    m: StabilityMap,
+    kind: Model,
+    divisor: int,
+    seed: int = 0,
+    split: str = "random",
+    progress: Progress | None = None,
 ) -> PredictedMap:
     """Train on 1/divisor of a map's cells and predict all of them.
 
@@ -425,6 +459,8 @@ def predict_map(
         Of the choice of cells and of the model.
     split : str
         Of :data:`SPLITS`.
+    progress : callable
+        As of :func:`train`.
 
     Returns
     -------
@@ -437,9 +473,8 @@ def predict_map(
     """
     index, inputs, mle = solved_cells(m)
     chosen, tested = split_cells(m, divisor, seed, split)
-    surrogate = train(
-        kind, inputs[chosen], mle[chosen], seed, linear_table_of(m) if kind.theory else None
-    )
+    table = linear_table_of(m) if kind.theory else None
+    surrogate = train(kind, inputs[chosen], mle[chosen], seed, table, progress)
     began = time.perf_counter()
     predicted = np.full(m.mle.size, np.nan)
     predicted[index] = surrogate.estimator.predict(inputs)

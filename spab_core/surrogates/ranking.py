@@ -11,7 +11,7 @@ import pandas as pd
 from scipy.stats import ttest_rel
 
 from spab_core.maps.stability_map import StabilityMap
-from spab_core.surrogates.metrics import METRICS, mae, rmse
+from spab_core.surrogates.metrics import ERRORS
 from spab_core.surrogates.models import MODELS, PredictedMap
 from spab_core.surrogates.uncertainty import CONFIDENCE
 from spab_core.trajectory.lyapunov import Exponent
@@ -134,7 +134,7 @@ def ranking(scores: pd.DataFrame, kind: str = "held_out") -> pd.DataFrame:
         seeds), ``spread`` (standard deviation of the RMSE over the fractions), the rank by each,
         and ``tied``, whether the RMSE differs from the best one by chance only.
     """
-    tables = {name: table(scores, f"{name}_{kind}") for name in METRICS}
+    tables = {name: table(scores, f"{name}_{kind}") for name in ERRORS}
     found = pd.DataFrame(
         {
             "rmse": tables["rmse"].loc["Average"],
@@ -192,8 +192,8 @@ def error_by_regime(m: StabilityMap, predicted: PredictedMap) -> pd.DataFrame:
         if chosen.any():
             rows[name] = {
                 "cells": int(chosen.sum()),
-                "rmse": rmse(m.mle[chosen], predicted.mle[chosen]),
-                "mae": mae(m.mle[chosen], predicted.mle[chosen]),
+                "rmse": ERRORS["rmse"](m.mle[chosen], predicted.mle[chosen]),
+                "mae": ERRORS["mae"](m.mle[chosen], predicted.mle[chosen]),
                 "share": float(squares[chosen].sum() / max(squares[held_out].sum(), 1e-300)),
             }
     return pd.DataFrame.from_dict(rows, orient="index", columns=["cells", "rmse", "mae", "share"])

@@ -33,23 +33,31 @@ class TheoryTrees(RegressorMixin, BaseEstimator):
     table : LinearTable
         Linear stability of the design.
     seed : int
+    n_estimators : int
+        Trees.
     """
 
-    def __init__(self, table: LinearTable, seed: int = 0):
+    def __init__(self, table: LinearTable, seed: int = 0, n_estimators: int = TREES):
         self.table = table
         self.seed = seed
+        self.n_estimators = n_estimators
 
     def _prepare(self, X):
         X = np.asarray(X, float)
         features = LinearFeatures(self.table).transform(X)
         return X[:, 0], features, baseline(features)
 
+    def remainder(self, X, y):
+        """Return what the trees learn from X (n, 2), bearing number and rotor mass in kg, and
+        exponents y (n,): their inputs (n, 6) and targets (n,).
+        """
+        number, features, linear = self._prepare(X)
+        return features, (y - linear) * number
+
     def fit(self, X, y):
         """Learn from X (n, 2), bearing number and rotor mass in kg, and exponents y (n,)."""
-        number, features, linear = self._prepare(X)
-        self.trees_ = ExtraTreesRegressor(TREES, random_state=self.seed).fit(
-            features, (y - linear) * number
-        )
+        forest = ExtraTreesRegressor(self.n_estimators, random_state=self.seed)
+        self.trees_ = forest.fit(*self.remainder(X, y))
         return self
 
     def predict(self, X):

@@ -19,7 +19,7 @@ from spab_core.common.npz import npz_bytes
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.design.model import Design
 from spab_core.linear_theory.linear_table import table_for
-from spab_core.surrogates.metrics import mae, rmse
+from spab_core.surrogates.metrics import ERRORS
 from spab_core.surrogates.models import DIVISORS, MODELS, Model, train, training_mask
 
 MAX_BYTES = 20_000_000
@@ -227,7 +227,7 @@ def _row(samples, kind, divisor, seed, table):
     seconds = time.perf_counter() - began
     found = {
         f"{name}_{where}": function(samples.mle[mask], predicted[mask])
-        for name, function in (("rmse", rmse), ("mae", mae))
+        for name, function in ERRORS.items()
         for where, mask in (("all", np.ones_like(chosen)), ("held_out", ~chosen))
     }
     return {

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from spab_core.common.errors import InputError
 from spab_core.linear_theory.linear_table import LinearFeatures, shipped_table
 from spab_core.surrogates.classifier import predict_regimes, regimes_by_threshold
-from spab_core.surrogates.metrics import evaluate, f1, uncertainty_scores
+from spab_core.surrogates.metrics import evaluate, regime_scores, uncertainty_scores
 from spab_core.surrogates.models import model, predict_map, solved_cells
 from spab_core.surrogates.ranking import comparison_words
 from spab_core.surrogates.theory_trees import baseline
@@ -70,7 +70,8 @@ def test_thresholds_part_the_regimes():
 def test_f1_by_hand(pairs):
     truth, told = np.array(pairs).T
     hits, said, there = sum(a and b for a, b in pairs), int(told.sum()), int(truth.sum())
-    found = f1(truth, told)
+    names = np.array(["periodic", "chaotic"])
+    found = regime_scores(names[truth.astype(int)], names[told.astype(int)])["chaos_f1"]
     if not said + there:
         assert np.isnan(found)
     elif not hits:
