@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import joblib
@@ -73,9 +74,29 @@ TOLERANCE = STEP
 _COMPRESSION = 10  # more than xz ever gains on a model
 
 
-def _ship(m: StabilityMap, name: str, divisor: int) -> tuple[np.ndarray, dict, bytes | None, dict]:
-    """Predicted map, what is said of the model, its file unless it is too large or an
-    interpolation, which has none, and what is noted with the file."""
+@dataclass(frozen=True)
+class _Trained:
+    """What is shipped of one model at one training fraction.
+
+    Attributes
+    ----------
+    mle : ndarray of float32, (B, M)
+        The predicted map.
+    description : dict
+        Of the model, for the metadata of the maps and the manifest.
+    file : bytes or None
+        None for an interpolation, which has none, or one that is too large.
+    noted : dict
+        Predictions, for the manifest.
+    """
+
+    mle: np.ndarray
+    description: dict
+    file: bytes | None
+    noted: dict
+
+
+def _train(m: StabilityMap, name: str, divisor: int) -> _Trained:
     kind = MODELS[name]
     predicted = train_on_map(m, kind, divisor, SEED)
     surrogate, data = predicted.surrogate, None
@@ -86,7 +107,7 @@ def _ship(m: StabilityMap, name: str, divisor: int) -> tuple[np.ndarray, dict, b
         and len(dump(plain(surrogate), 0)) <= _COMPRESSION * MAX_MODEL_BYTES
     ):
         data = dump(plain(surrogate))
-    return rounded(predicted.mle), describe(surrogate), data, predictions(m, surrogate)
+    return _Trained(rounded(predicted.mle), describe(surrogate), data, predictions(m, surrogate))
 
 
 def ship_intervals(m: StabilityMap, name: str, divisor: int) -> tuple[bytes, dict]:
@@ -122,25 +143,19 @@ def rounded(mle: np.ndarray) -> np.ndarray:
     return (np.round(mle / STEP) * STEP).astype(np.float32)
 
 
-def _choose(files: dict[str, dict[int, bytes | None]], room: int) -> dict[tuple[str, int], bytes]:
-    """The models to ship: those of :data:`ALWAYS`, then the smallest kinds first, as long as there
-    is room.
+def _choose(
+    models: Mapping[tuple[str, int], bytes | None], room: int
+) -> dict[tuple[str, int], bytes]:
+    """Return the model files to ship: those of :data:`ALWAYS`, then the smallest kinds first, as
+    long as there is room.
     """
-    chosen = {
-        (name, divisor): data
-        for name, by_divisor in files.items()
-        for divisor, data in by_divisor.items()
-        if data is not None and (name, divisor) in ALWAYS
-    }
+    files = {job: data for job, data in models.items() if data is not None}
+    chosen = {job: data for job, data in files.items() if job in ALWAYS}
     room -= sum(map(len, chosen.values()))
-    small = {
-        name: {
-            k: data
-            for k, data in by_divisor.items()
-            if data is not None and len(data) <= MAX_MODEL_BYTES and (name, k) not in chosen
-        }
-        for name, by_divisor in files.items()
-    }
+    small: dict[str, dict[int, bytes]] = {}
+    for (name, divisor), data in files.items():
+        if (name, divisor) not in chosen and len(data) <= MAX_MODEL_BYTES:
+            small.setdefault(name, {})[divisor] = data
     for name in sorted(small, key=lambda name: (sum(map(len, small[name].values())), name)):
         for divisor, data in sorted(small[name].items()):
             if len(data) <= room:
@@ -171,7 +186,7 @@ def rebuild(
         Gets the map too where it has none.
     models : sequence of Model
     divisors, seeds : sequence of int
-        Of the scores; predicted maps and models are those of seed :data:`pretrained.SEED`.
+        Of the scores; predicted maps and models are those of seed :data:`SEED`.
     workers : int
         Processes.
     progress : callable
@@ -188,73 +203,106 @@ def rebuild(
         Where the folder holds another map, or the map has too few cells.
     """
     source = made_from(m)
-    if (folder / REFERENCE_MAP).exists() and difference(
-        source, made_from(load_map(folder / REFERENCE_MAP))
-    ):
-        raise InputError(f"{folder} holds another map, {REFERENCE_MAP}: give an empty folder")
-    count = int(np.isfinite(m.mle).sum())
-    for divisor in divisors:
-        training_mask(count, divisor, SEED)  # too few cells: said before an hour of training
-    run = joblib.Parallel(n_jobs=workers, return_as="generator")
+    _check_folder(m, folder, source, divisors)
     with joblib.parallel_config(backend="loky", inner_max_num_threads=1), threadpool_limits(1):
         tables = {
             name: evaluate(m, kinds, divisors, seeds, workers=workers, progress=progress, **options)
             for name, kinds, options in _tables(models)
         }
-    jobs = [(kind.name, divisor) for kind in models for divisor in divisors]
-    maps: dict[str, list] = {kind.name: [] for kind in models}
-    about: dict[str, list] = {kind.name: [] for kind in models}
-    files: dict[str, dict] = {kind.name: {} for kind in models}
-    noted: dict[str, dict] = {}
-    shipped = run(joblib.delayed(_ship)(m, *job) for job in jobs)
-    for (name, divisor), (mle, words, data, noted[model_file(MODELS[name], divisor)]) in zip(
-        jobs, shipped, strict=True
+    trained = _train_all(m, models, divisors, workers, progress)
+    written = {name: _table_bytes(scores) for name, scores in tables.items()}
+    written[PREDICTIONS] = _maps_bytes(m, source, models, divisors, trained)
+    sources = dict.fromkeys(written, source)
+    for name, divisor in (job for job in INTERVALS if job in trained):
+        with contextlib.suppress(TooFewCells):
+            path = intervals_file(MODELS[name], divisor)
+            written[path], sources[path] = ship_intervals(m, name, divisor)
+    files = {job: found.file for job, found in trained.items()}
+    for (name, divisor), data in _choose(files, _room(folder, written)).items():
+        path, model = model_file(MODELS[name], divisor), trained[name, divisor]
+        written[path] = data
+        sources[path] = (
+            model_source(m, MODELS[name], divisor, SEED) | model.description | model.noted
+        )
+    _write(m, folder, written)
+    write_manifest(folder, sources)
+    return {name: len(data) for name, data in written.items()}
+
+
+def _check_folder(m: StabilityMap, folder: Path, source: dict, divisors: Sequence[int]) -> None:
+    """Raise :class:`InputError` where the folder holds another map, or the map has too few cells:
+    before an hour of training.
+    """
+    if (folder / REFERENCE_MAP).exists() and difference(
+        source, made_from(load_map(folder / REFERENCE_MAP))
     ):
-        maps[name].append(mle)
-        about[name].append(words)
-        files[name][divisor] = data
+        raise InputError(f"{folder} holds another map, {REFERENCE_MAP}: give an empty folder")
+    for divisor in divisors:
+        training_mask(int(np.isfinite(m.mle).sum()), divisor, SEED)
+
+
+def _train_all(
+    m: StabilityMap,
+    models: Sequence[Model],
+    divisors: Sequence[int],
+    workers: int,
+    progress: Callable[[int], None] | None,
+) -> dict[tuple[str, int], _Trained]:
+    """Train every model at every fraction; by name and divisor."""
+    jobs = [(kind.name, divisor) for kind in models for divisor in divisors]
+    run = joblib.Parallel(n_jobs=workers, return_as="generator")
+    trained = {}
+    for job, found in zip(jobs, run(joblib.delayed(_train)(m, *job) for job in jobs), strict=True):
+        trained[job] = found
         if progress:
             progress(1)
+    return trained
+
+
+def _table_bytes(scores: pd.DataFrame) -> bytes:
+    """Return a table of errors as CSV, without the seconds, which differ from run to run."""
+    kept = [column for column in scores.columns if not column.endswith("_seconds")]
+    return scores[kept].to_csv(index=False, lineterminator="\n").encode()
+
+
+def _maps_bytes(
+    m: StabilityMap,
+    source: dict,
+    models: Sequence[Model],
+    divisors: Sequence[int],
+    trained: dict[tuple[str, int], _Trained],
+) -> bytes:
+    """Return the predicted maps as an NPZ file: one array a model, with the divisors along its
+    first dimension.
+    """
+    rows = {kind.name: [trained[kind.name, divisor] for divisor in divisors] for kind in models}
     metadata = {
         "seed": SEED,
         "divisors": list(divisors),
         "design": source["design"],
         "map": source["map"],
-        "models": about,
+        "models": {name: [row.description for row in group] for name, group in rows.items()},
         "masks": [_drawn(m, divisor) for divisor in divisors],
         "mle_unit": "per revolution, natural logarithm",
         "dimensions": ["divisor", "bearing_number", "rotor_mass"],
     }
     arrays = {"bearing_number": m.bearing_number, "rotor_mass": m.rotor_mass}
-    arrays |= {name: np.stack(layers) for name, layers in maps.items()}
-    written = {
-        name: scores[[c for c in scores.columns if not c.endswith("_seconds")]]
-        .to_csv(index=False, lineterminator="\n")
-        .encode()
-        for name, scores in tables.items()
-    }
-    written[PREDICTIONS] = npz_bytes(
-        arrays | {"metadata": np.array(json.dumps(metadata, sort_keys=True))}
-    )
-    sources = dict.fromkeys(written, source)
-    for name, divisor in (job for job in INTERVALS if job in jobs):
-        with contextlib.suppress(TooFewCells):
-            path = intervals_file(MODELS[name], divisor)
-            written[path], sources[path] = ship_intervals(m, name, divisor)
+    arrays |= {name: np.stack([row.mle for row in group]) for name, group in rows.items()}
+    return npz_bytes(arrays | {"metadata": np.array(json.dumps(metadata, sort_keys=True))})
+
+
+def _room(folder: Path, written: dict[str, bytes]) -> int:
+    """Return how many bytes are left for models beside what is written and what else is there."""
     others = sum(
         (folder / name).stat().st_size
         for name in present_files(folder)
         if name not in written and not _is_model(name)
     )
-    room = MAX_FOLDER_BYTES - others - sum(map(len, written.values())) - 200_000  # the manifest
-    for (name, divisor), data in _choose(files, room).items():
-        path = model_file(MODELS[name], divisor)
-        written[path] = data
-        sources[path] = (
-            model_source(m, MODELS[name], divisor, SEED)
-            | about[name][list(divisors).index(divisor)]
-            | noted[path]
-        )
+    return MAX_FOLDER_BYTES - others - sum(map(len, written.values())) - 200_000  # the manifest
+
+
+def _write(m: StabilityMap, folder: Path, written: dict[str, bytes]) -> None:
+    """Write the files and the map, where it is not there; delete the models of before."""
     for name in present_files(folder):
         if _is_model(name) and name not in written:
             (folder / name).unlink()
@@ -262,8 +310,6 @@ def rebuild(
         save_map(m, folder / REFERENCE_MAP)
     for name, data in written.items():
         write_atomically(folder / name, data)
-    write_manifest(folder, sources)
-    return {name: len(data) for name, data in written.items()}
 
 
 def trainings(models: Sequence[Model], divisors: Sequence[int], seeds: Sequence[int]) -> int:

@@ -249,10 +249,13 @@ def test_the_smallest_kinds_are_shipped_as_long_as_there_is_room(monkeypatch):
     monkeypatch.setattr(release, "MAX_MODEL_BYTES", 100)
     monkeypatch.setattr(release, "ALWAYS", (("huge", 3),))
     files = {
-        "big": {2: b"x" * 90, 3: b"x" * 80},
-        "small": {2: b"x" * 10, 3: b"x"},
-        "none": {2: None},
-        "huge": {2: b"x" * 101, 3: b"x" * 300},
+        ("big", 2): b"x" * 90,
+        ("big", 3): b"x" * 80,
+        ("small", 2): b"x" * 10,
+        ("small", 3): b"x",
+        ("none", 2): None,
+        ("huge", 2): b"x" * 101,
+        ("huge", 3): b"x" * 300,
     }
     assert list(_choose(files, 1000)) == [
         ("huge", 3),
