@@ -9,7 +9,7 @@ import streamlit as st
 
 from spab_core.plotting.surrogates import reliability_figure, uncertainty_figure
 from spab_core.reporting.export import prediction_table
-from spab_core.shipped.model_store import prediction_npz
+from spab_core.shipped.predicted_maps import prediction_npz
 from spab_core.surrogates.metrics import errors, uncertainty_scores
 from spab_core.surrogates.models import DIVISORS, MODELS
 from spab_core.surrogates.ranking import comparison_words, error_by_regime

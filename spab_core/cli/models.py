@@ -14,14 +14,9 @@ from spab_core.maps.stability_map import StabilityMap, load_map
 from spab_core.shipped import model_cache
 from spab_core.shipped.build import rebuild, trainings
 from spab_core.shipped.manifest import ARTIFACTS, load_reference_map
-from spab_core.shipped.model_store import (
-    describe,
-    dump,
-    keep_model,
-    model_source,
-    predictions,
-    train_on_map,
-)
+from spab_core.shipped.model_files import describe, dump, keep_model, predictions
+from spab_core.shipped.model_store import train_on_map
+from spab_core.shipped.provenance import model_source
 from spab_core.shipped.verify import verify
 from spab_core.surrogates.metrics import SEEDS, errors
 from spab_core.surrogates.models import DIVISORS, MODELS, model

@@ -16,7 +16,8 @@ from spab_core.common.validation import check_number
 from spab_core.design.limits import check_point
 from spab_core.maps.stability_map import StabilityMap, load_map
 from spab_core.shipped.manifest import ARTIFACTS, load_reference_map
-from spab_core.shipped.model_store import find_certainty, find_model, predict_with, prediction_npz
+from spab_core.shipped.model_store import find_certainty, find_model, predict_with
+from spab_core.shipped.predicted_maps import prediction_npz
 from spab_core.surrogates.classifier import predict_regimes
 from spab_core.surrogates.metrics import SEEDS, errors, evaluate
 from spab_core.surrogates.models import DIVISORS, MODELS, SPLITS, Model, model

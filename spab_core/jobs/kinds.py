@@ -335,7 +335,7 @@ def _run_map(folder: Path, parameters: dict, advance: Advance, set_total: SetTot
 
 def _check_intervals(parameters: dict) -> dict:
     from spab_core.shipped.manifest import REFERENCE_MAP, read_manifest
-    from spab_core.shipped.model_store import INTERVALS_RECIPE, recipe_hash
+    from spab_core.shipped.provenance import INTERVALS_RECIPE, recipe_hash
     from spab_core.surrogates.models import DIVISORS, model
 
     name, divisor, seed, made_from = _taken(

@@ -32,23 +32,24 @@ from spab_core.shipped.manifest import (
     present_files,
     write_manifest,
 )
-from spab_core.shipped.model_store import (
-    DEFAULT,
+from spab_core.shipped.model_files import (
     SEED,
     describe,
-    difference,
     dump,
     intervals_file,
-    intervals_source,
     load_shipped_certainty,
-    made_from,
-    mask_hash,
     model_file,
-    model_source,
     plain,
     plain_certainty,
     predictions,
-    train_on_map,
+)
+from spab_core.shipped.model_store import DEFAULT, train_on_map
+from spab_core.shipped.provenance import (
+    difference,
+    intervals_source,
+    made_from,
+    mask_hash,
+    model_source,
 )
 from spab_core.surrogates.metrics import SEEDS, evaluate, uncertainty_scores
 from spab_core.surrogates.models import DIVISORS, MODELS, Model, training_mask

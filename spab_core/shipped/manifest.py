@@ -59,7 +59,7 @@ def read_manifest(folder: Path = ARTIFACTS) -> dict[str, dict]:
     -------
     dict
         ``sha256``, ``bytes`` and, for what was computed from a map, ``made_from``
-        (:mod:`spab_core.shipped.model_store`).
+        (:mod:`spab_core.shipped.provenance`).
 
     Raises
     ------

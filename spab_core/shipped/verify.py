@@ -27,16 +27,10 @@ from spab_core.shipped.manifest import (
     present_files,
     read_manifest,
 )
-from spab_core.shipped.model_store import (
-    SEED,
-    difference,
-    intervals_file,
-    load_shipped_map,
-    load_shipped_model,
-    made_from,
-    model_file,
-    predict_with,
-)
+from spab_core.shipped.model_files import SEED, intervals_file, load_shipped_model, model_file
+from spab_core.shipped.model_store import predict_with
+from spab_core.shipped.predicted_maps import load_shipped_map
+from spab_core.shipped.provenance import difference, made_from
 from spab_core.surrogates.metrics import errors
 from spab_core.surrogates.models import DIVISORS, MODELS
 

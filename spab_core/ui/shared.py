@@ -34,7 +34,8 @@ from spab_core.shipped.manifest import (
     load_reference_refinement,
     load_reference_scores,
 )
-from spab_core.shipped.model_store import PointPrediction, ServedMap, find_map, predict_point
+from spab_core.shipped.model_store import PointPrediction, predict_point
+from spab_core.shipped.predicted_maps import ServedMap, find_map
 from spab_core.surrogates.models import linear_table_of, model
 from spab_core.surrogates.ranking import ranking
 from spab_core.surrogates.uncertainty import MapIntervals, load_intervals

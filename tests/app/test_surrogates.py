@@ -18,7 +18,7 @@ from spab_core.jobs.store import cancel, list_jobs
 from spab_core.maps.stability_map import FIELDS, load_map, save_map
 from spab_core.plotting.theme import CHOSEN
 from spab_core.shipped import manifest as artifacts
-from spab_core.shipped import model_store as pretrained
+from spab_core.shipped import model_store, predicted_maps
 from spab_core.shipped.build import rebuild
 from spab_core.shipped.manifest import REFERENCE_MAP, SCORES, load_reference_map, write_manifest
 from spab_core.surrogates.metrics import evaluate
@@ -118,7 +118,7 @@ def test_shipped_predictions_are_shown_without_training(shipped, monkeypatch):
     def refuse(*args, **options):
         raise AssertionError("trained")
 
-    monkeypatch.setattr(pretrained, "predict_map", refuse)
+    monkeypatch.setattr(model_store, "predict_map", refuse)
     at = open_page("Surrogate_map")
     assert at.exception  # the forest is not in this folder: so the check below can fail
     at.selectbox(key="model").select("tree").run()
@@ -162,7 +162,7 @@ def test_a_click_on_the_error_map_compares_with_the_live_solve(own_jobs):
     )
     at = AppTest.from_string(clicking, default_timeout=120).run()
     assert not any(h.value.startswith("##### Compared") for h in at.markdown) and not list_jobs()
-    predicted = pretrained.load_shipped_map(m, MODELS["theory-trees"], 8)
+    predicted = predicted_maps.load_shipped_map(m, MODELS["theory-trees"], 8)
     error = np.where(predicted.trained, 0.0, np.abs(predicted.mle - m.mle))
     settled = minimum_filter(
         (m.regime == "periodic") & (m.mle_standard_error < 1e-3), 3, mode="constant"

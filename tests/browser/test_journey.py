@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from spab_core.shipped.manifest import load_reference_map
-from spab_core.shipped.model_store import load_shipped_map
+from spab_core.shipped.predicted_maps import load_shipped_map
 from spab_core.surrogates.models import MODELS
 from tests.browser.conftest import OUTPUT
 

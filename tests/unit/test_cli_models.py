@@ -27,7 +27,7 @@ from spab_core.shipped.manifest import (
     sha256,
     write_manifest,
 )
-from spab_core.shipped.model_store import predictions
+from spab_core.shipped.model_files import predictions
 from spab_core.shipped.verify import verify
 from spab_core.surrogates.models import DIVISORS, MODELS, Surrogate
 from tests.conftest import ROOT

@@ -35,7 +35,9 @@ from spab_core.shipped.manifest import (
     load_reference_map,
     write_manifest,
 )
-from spab_core.shipped.model_store import find_model, load_shipped_map, model_file
+from spab_core.shipped.model_files import model_file
+from spab_core.shipped.model_store import find_model
+from spab_core.shipped.predicted_maps import load_shipped_map
 from spab_core.surrogates.models import model
 from spab_core.surrogates.uncertainty import load_intervals
 from spab_core.surrogates.user_data import load_samples, read_samples
@@ -244,7 +246,7 @@ def test_no_file_of_a_job_is_unpickled(marker, how):
 
 
 def test_nothing_else_in_the_sources_unpickles():
-    """The one call of joblib.load stands behind the checks of pretrained.py; nothing allows
+    """The one call of joblib.load stands behind the checks of model_files.py; nothing allows
     pickles, evaluates or executes.
     """
     found = []
@@ -269,7 +271,7 @@ def test_nothing_else_in_the_sources_unpickles():
             ):
                 found.append(f"{path.relative_to(ROOT)}: {line.strip()}")
     assert found == [
-        "spab_core/shipped/model_store.py: found = joblib.load(io.BytesIO(data))",
+        "spab_core/shipped/model_files.py: found = joblib.load(io.BytesIO(data))",
     ]
 
 

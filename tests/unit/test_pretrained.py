@@ -22,27 +22,25 @@ from spab_core.common.errors import InputError
 from spab_core.shipped import model_cache
 from spab_core.shipped.build import STEP, rebuild, rounded
 from spab_core.shipped.manifest import PREDICTIONS, ArtifactError, read_manifest, write_manifest
-from spab_core.shipped.model_store import (
-    MEANING,
+from spab_core.shipped.model_files import (
     cache_name,
-    design_hash,
-    difference,
     dump,
-    find_certainty,
-    find_map,
-    find_model,
     intervals_file,
     load_shipped_certainty,
-    load_shipped_map,
     load_shipped_model,
-    map_hash,
     model_file,
-    model_source,
     plain,
-    predict_point,
     predictions,
+)
+from spab_core.shipped.model_store import find_certainty, find_model, predict_point, train_on_map
+from spab_core.shipped.predicted_maps import find_map, load_shipped_map
+from spab_core.shipped.provenance import (
+    MEANING,
+    design_hash,
+    difference,
+    map_hash,
+    model_source,
     recipe_hash,
-    train_on_map,
     versions,
 )
 from spab_core.surrogates.models import MODELS, model

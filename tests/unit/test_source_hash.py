@@ -11,7 +11,7 @@ import pytest
 
 from spab_core.common import source_hash as module
 from spab_core.common.source_hash import source_hash
-from spab_core.shipped.model_store import INTERVALS_RECIPE
+from spab_core.shipped.provenance import INTERVALS_RECIPE
 from spab_core.solver.cache import solver_hash
 
 HERE = '''"""What it is for."""

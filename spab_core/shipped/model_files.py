@@ -1,0 +1,313 @@
+"""Files of trained models, opened only after everything about them is checked.
+
+A joblib file is code to whoever opens it. One is opened only where the manifest of artifacts/ names
+it with the SHA-256 of its bytes, or the private folder of :mod:`spab_core.shipped.model_cache`
+holds it, and only where the versions that change a pickle's meaning, design, map and training code
+are those it was made with. All of that is checked before unpickling. It is used only if it then
+predicts what was noted with it (docs/artifacts.md). Python's own version does not matter."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import threading
+import warnings
+from pathlib import Path
+from typing import Any
+
+import joblib
+import numpy as np
+from sklearn.base import BaseEstimator
+from sklearn.exceptions import InconsistentVersionWarning
+from threadpoolctl import threadpool_limits
+
+from spab_core.maps.stability_map import StabilityMap
+from spab_core.shipped import model_cache
+from spab_core.shipped.manifest import (
+    ARTIFACTS,
+    ArtifactError,
+    checked_bytes,
+    read_manifest,
+)
+from spab_core.shipped.provenance import (
+    design_hash,
+    difference,
+    intervals_source,
+    map_hash,
+    model_source,
+)
+from spab_core.surrogates.classifier import RegimeTrees
+from spab_core.surrogates.models import (
+    Model,
+    Surrogate,
+    linear_table_of,
+)
+from spab_core.surrogates.uncertainty import Certainty, certainty
+
+SEED = 0  # of what is shipped
+
+# per revolution or of a probability; without AVX and with another BLAS kernel predictions moved by
+# 2e-14
+SAME = 1e-6
+
+_GRID = 4  # predictions noted with a model: at 4 x 4 cells over the plane
+
+
+def model_file(kind: Model, divisor: int) -> str:
+    """Name of a shipped model's file."""
+    return f"surrogate_{kind.name}_n{divisor}.joblib"
+
+
+def intervals_file(kind: Model, divisor: int) -> str:
+    """Name of the file of the models behind a shipped model's intervals."""
+    return f"intervals_{kind.name}_n{divisor}.joblib"
+
+
+def cache_name(m: StabilityMap, kind: Model, divisor: int, seed: int) -> str:
+    """Name of a model's file in the cache: one for each map and design, so that maps do not drive
+    each other out.
+    """
+    place = hashlib.sha256(f"{map_hash(m)} {design_hash(m.design)}".encode()).hexdigest()[:16]
+    return f"{kind.name}_n{divisor}_seed{seed}_{place}.joblib"
+
+
+def dump(fitted: object, compress=("xz", 6)) -> bytes:
+    """Fitted estimators as the bytes of a joblib file; the same training gives the same bytes."""
+    buffer = io.BytesIO()
+    joblib.dump(fitted, buffer, compress=compress)
+    return buffer.getvalue()
+
+
+def plain(surrogate: Surrogate) -> BaseEstimator:
+    """A trained model as scikit-learn's own estimators alone: a file of it opens wherever the code
+    of this project stands.
+    """
+    return surrogate.estimator.trees_ if surrogate.model.theory else surrogate.estimator
+
+
+def _around(
+    fitted: BaseEstimator,
+    m: StabilityMap,
+    kind: Model,
+    seed: int,
+    cells: int,
+    converged: bool | None,
+) -> Surrogate:
+    """The surrogate of what :func:`plain` took out."""
+    estimator = fitted
+    if kind.theory:
+        estimator = kind.build(seed, linear_table_of(m))
+        estimator.trees_ = fitted
+    return Surrogate(kind, estimator, seed, cells, float("nan"), converged)
+
+
+def plain_certainty(known: Certainty) -> list[BaseEstimator]:
+    """The trained models behind intervals as scikit-learn's own estimators alone."""
+    found = known.calibrated
+    return [plain(found.surrogate), found.classifier.trees_, known.regimes.trees_]
+
+
+def describe(surrogate: Surrogate) -> dict:
+    """What the manifest says of a model beside its source: ``training_cells``, ``converged``."""
+    return {"training_cells": surrogate.training_cells, "converged": surrogate.converged}
+
+
+def _noted_points(m: StabilityMap) -> tuple[np.ndarray, np.ndarray]:
+    """Bearing numbers and rotor masses (16,) of cells spread evenly over a map."""
+    axes = [
+        a[[(2 * k + 1) * len(a) // (2 * _GRID) for k in range(_GRID)]]
+        for a in (m.bearing_number, m.rotor_mass)
+    ]
+    number, mass = np.meshgrid(*axes, indexing="ij")
+    return number.ravel(), mass.ravel()
+
+
+def predictions(m: StabilityMap, trained: Surrogate | Certainty) -> dict:
+    """What is noted with a model to compare with once it is opened: ``predictions`` at 4 x 4 cells
+    over the plane.
+
+    Exponents per revolution; of the models behind intervals lower bounds, upper ones, and the
+    probabilities of instability and of each regime."""
+    points = _noted_points(m)
+    with threadpool_limits(1):
+        if isinstance(trained, Surrogate):
+            found = trained.predict(*points)
+        else:
+            found = np.concatenate(
+                [
+                    *trained.calibrated.intervals(*points),
+                    trained.calibrated.unstable(*points),
+                    *trained.regimes.predict_proba(np.column_stack(points)).T,
+                ]
+            )
+    return {"predictions": found.tolist()}
+
+
+_UNPICKLING = threading.Lock()  # warnings are caught for the whole process
+
+
+def _unpickle(name: str, data: bytes, retrain: str) -> Any:
+    """The content of checked bytes.
+
+    Raises :class:`ArtifactError` for what cannot be opened, or only with a warning.
+    """
+    try:
+        with _UNPICKLING, warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            found = joblib.load(io.BytesIO(data))
+    except (
+        Exception
+    ) as error:  # the bytes are the right ones: something else is broken, which training mends
+        raise ArtifactError(
+            f"{name} cannot be opened ({type(error).__name__}: {str(error)[:100]}); {retrain}"
+        ) from None
+    for warning in told:
+        if not issubclass(
+            warning.category, InconsistentVersionWarning
+        ):  # of another patch: what it predicts decides
+            raise ArtifactError(
+                f"{name} is not used: opening it warns ({str(warning.message)[:100]}); {retrain}"
+            )
+    return found
+
+
+def _check_predictions(
+    name: str, m: StabilityMap, noted: dict, trained: Surrogate | Certainty, retrain: str
+) -> None:
+    try:
+        expected = np.array(noted["predictions"], float)
+        found = np.array(predictions(m, trained)["predictions"])
+        apart = float(np.abs(found - expected).max()) if found.shape == expected.shape else np.inf
+    except Exception as error:
+        raise ArtifactError(
+            f"{name} is not used: it cannot predict ({type(error).__name__}: {str(error)[:100]}); "
+            f"{retrain}"
+        ) from None
+    if not apart <= SAME:
+        raise ArtifactError(
+            f"{name} is not used: with these libraries it predicts up to {apart:.3g} from what "
+            "was noted with "
+            f"it; {retrain}"
+        )
+
+
+def _noted(name: str, noted: object, wanted: dict, retrain: str) -> dict:
+    """What is noted of a file, if it was made from what is wanted.
+
+    Raises :class:`ArtifactError`.
+    """
+    if apart := difference(noted, wanted):
+        raise ArtifactError(f"{name} is not opened: {apart}; {retrain}")
+    assert isinstance(noted, dict)
+    if not isinstance(noted.get("training_cells"), int) or noted.get("converged") not in (
+        None,
+        True,
+        False,
+    ):
+        raise ArtifactError(f"{name} is not opened: what is noted of it is damaged; {retrain}")
+    return noted
+
+
+def load_shipped_model(
+    m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, folder: Path = ARTIFACTS
+) -> Surrogate:
+    """A shipped model after everything about it is checked; ``seconds`` of training are nan.
+
+    Raises
+    ------
+    ArtifactError
+        Where it is not shipped, damaged, made with libraries that mean something else by it, for
+        another design or from another map, or does not predict what was noted with it; says how to
+        train it again.
+    """
+    name = model_file(kind, divisor)
+    retrain = (
+        f"`spab train --model {kind.name} --divisor {divisor}` trains it again on this machine"
+    )
+    if name not in read_manifest(folder):
+        raise ArtifactError(f"{kind.label} trained on n/{divisor} is not shipped; {retrain}")
+    data = checked_bytes(name, folder)
+    noted = _noted(
+        name,
+        read_manifest(folder)[name].get("made_from"),
+        model_source(m, kind, divisor, seed),
+        retrain,
+    )
+    fitted = _unpickle(name, data, retrain)
+    found = _around(fitted, m, kind, seed, noted["training_cells"], noted.get("converged"))
+    _check_predictions(name, m, noted, found, retrain)
+    return found
+
+
+def load_shipped_certainty(
+    m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, folder: Path = ARTIFACTS
+) -> Certainty:
+    """The shipped models behind a model's intervals, checked as :func:`load_shipped_model` and
+    calibrated.
+
+    Raises
+    ------
+    ArtifactError
+    """
+    name, retrain = intervals_file(kind, divisor), "they are trained again on this machine"
+    if name not in read_manifest(folder):
+        raise ArtifactError(
+            f"the intervals of {kind.label} trained on n/{divisor} are not shipped; {retrain}"
+        )
+    data = checked_bytes(name, folder)
+    noted = _noted(
+        name,
+        read_manifest(folder)[name].get("made_from"),
+        intervals_source(m, kind, divisor, seed),
+        retrain,
+    )
+    fitted = _unpickle(name, data, retrain)
+    try:
+        inner, *trees = fitted
+        first, last = (RegimeTrees(linear_table_of(m), seed).with_trees(forest) for forest in trees)
+        found = certainty(
+            m,
+            kind,
+            divisor,
+            seed,
+            (_around(inner, m, kind, seed, noted["training_cells"], None), first, last),
+        )
+    except Exception as error:
+        raise ArtifactError(
+            f"{name} cannot be used ({type(error).__name__}: {str(error)[:100]}); {retrain}"
+        ) from None
+    _check_predictions(name, m, noted, found, retrain)
+    return found
+
+
+def load_kept_model(
+    m: StabilityMap, kind: Model, divisor: int, seed: int = SEED
+) -> Surrogate | None:
+    """A model that this user trained before, checked; None where there is none.
+
+    Raises
+    ------
+    ArtifactError
+        Where there is one that must not be opened.
+    """
+    name = cache_name(m, kind, divisor, seed)
+    found = model_cache.read(name)
+    if found is None:
+        return None
+    noted = _noted(name, found[1], model_source(m, kind, divisor, seed), "it is trained again")
+    estimator = _unpickle(name, found[0], "it is trained again")
+    kept = Surrogate(
+        kind, estimator, seed, noted["training_cells"], float("nan"), noted.get("converged")
+    )
+    _check_predictions(name, m, noted, kept, "it is trained again")
+    return kept
+
+
+def keep_model(m: StabilityMap, surrogate: Surrogate, divisor: int) -> Path:
+    """Keep a trained model in the cache; its path there. Raises :class:`model_cache.CacheError`."""
+    kind, seed = surrogate.model, surrogate.seed
+    model_cache.cache_folder()  # before a forest is compressed in vain
+    noted = model_source(m, kind, divisor, seed) | describe(surrogate) | predictions(m, surrogate)
+    return model_cache.keep(
+        cache_name(m, kind, divisor, seed), dump(surrogate.estimator, ("zlib", 1)), noted
+    )

@@ -1,0 +1,189 @@
+"""Predicted maps: the shipped one, or what a model found or trained now predicts."""
+
+from __future__ import annotations
+
+import functools
+import io
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from sklearn.base import BaseEstimator, RegressorMixin
+
+from spab_core.common.arrays import Array, Schema, load
+from spab_core.common.npz import npz_bytes
+from spab_core.maps.stability_map import StabilityMap
+from spab_core.shipped.manifest import (
+    ARTIFACTS,
+    PREDICTIONS,
+    SECONDS,
+    ArtifactError,
+    checked_bytes,
+)
+from spab_core.shipped.model_files import SEED
+from spab_core.shipped.model_store import find_model, find_or_train, is_shipped, predict_with
+from spab_core.shipped.provenance import design_hash, difference, map_hash, mask_hash
+from spab_core.surrogates.models import (
+    Model,
+    PredictedMap,
+    Progress,
+    Surrogate,
+    solved_cells,
+    training_mask,
+)
+
+_MAPS_JSON = {"metadata": ("divisors", "models", "masks")}  # of the file of predicted maps
+
+
+class ModelOnDemand(RegressorMixin, BaseEstimator):
+    """Stands for the model of a shipped predicted map: found by :func:`find_model` when first asked
+    to predict.
+    """
+
+    def __init__(self, m: StabilityMap, kind: Model, divisor: int, seed: int, folder: Path):
+        self.m, self.kind, self.divisor, self.seed, self.folder = m, kind, divisor, seed, folder
+
+    @functools.cached_property
+    def _estimator(self):
+        return find_model(
+            self.m, self.kind, self.divisor, self.seed, folder=self.folder
+        ).surrogate.estimator
+
+    def predict(self, X):
+        """Values at X (n, 2)."""
+        return self._estimator.predict(X)
+
+
+@dataclass(frozen=True)
+class ServedMap(PredictedMap):
+    """A predicted map and where it came from.
+
+    Attributes
+    ----------
+    origin : str
+        ``shipped``, or where the model came from: see :class:`ModelWithOrigin`.
+    note : str
+        Why no shipped one was used; "" where none could be expected.
+    """
+
+    origin: str = "trained"
+    note: str = ""
+
+
+def load_shipped_map(
+    m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, folder: Path = ARTIFACTS
+) -> ServedMap:
+    """A shipped predicted map; nothing is unpickled, so the libraries' versions do not matter.
+
+    The seconds are those that benchmarks/surrogates.py measured, nan where it did not.
+
+    Raises
+    ------
+    ArtifactError
+        Where it is not shipped, damaged, or was predicted for another design, from another map, or
+        from other cells than the seed draws here.
+    """
+    data, retrain = checked_bytes(PREDICTIONS, folder), "`spab train --all` makes it again"
+    wanted = {"design": design_hash(m.design), "map": map_hash(m), "seed": seed}
+    noted = load(data, Schema("predicted maps", {}, _MAPS_JSON, ArtifactError, f"; {retrain}"))[
+        "metadata"
+    ]
+    if apart := difference(noted, wanted):
+        raise ArtifactError(
+            f"the predicted maps of {PREDICTIONS} are not shown: {apart}; {retrain}"
+        )
+    plane = ("bearing_number", "rotor_mass")
+    schema = Schema(
+        f"map predicted by {kind.label} in {PREDICTIONS}",
+        {kind.name: Array(np.float32, ("divisor", *plane))},
+        error=ArtifactError,
+        advice=f"; {retrain}",
+    )
+    found = load(data, schema, dict(zip(plane, m.shape, strict=True)))
+    with schema.reading(data):
+        if divisor not in noted["divisors"]:
+            raise ValueError(f"there is no map of n/{divisor}")
+        row = noted["divisors"].index(divisor)
+        mle = found[kind.name][row].astype(float)
+        about, expected_mask = noted["models"][kind.name][row], noted["masks"][row]
+        cells, converged = int(about["training_cells"]), about["converged"]
+        if not np.array_equal(np.isfinite(mle), np.isfinite(m.mle)):
+            raise ValueError("it has no value where the map has one, or one where it has none")
+    index, _, values = solved_cells(m)
+    trained = np.zeros(m.mle.size, bool)
+    trained[index[training_mask(len(values), divisor, seed)]] = True
+    if mask_hash(trained) != expected_mask:
+        raise ArtifactError(
+            f"the predicted maps of {PREDICTIONS} are not shown: this version of numpy draws "
+            "other training "
+            f"cells; {retrain}"
+        )
+    train_seconds, predict_seconds = measured_seconds(kind, divisor, folder)
+    surrogate = Surrogate(
+        kind, ModelOnDemand(m, kind, divisor, seed, folder), seed, cells, train_seconds, converged
+    )
+    return ServedMap(
+        kind,
+        divisor,
+        seed,
+        mle,
+        trained.reshape(m.shape),
+        surrogate,
+        predict_seconds,
+        origin="shipped",
+    )
+
+
+def measured_seconds(kind: Model, divisor: int, folder: Path = ARTIFACTS) -> tuple[float, float]:
+    """Seconds of training and of predicting the map as the benchmark measured them; nan where it
+    did not.
+    """
+    try:
+        table = pd.read_csv(io.BytesIO(checked_bytes(SECONDS, folder)))
+        row = table[(table["model"] == kind.name) & (table["divisor"] == divisor)].iloc[0]
+        return float(row["train_seconds"]), float(row["predict_seconds"])
+    except (ArtifactError, ValueError, KeyError, IndexError):
+        return float("nan"), float("nan")
+
+
+def find_map(
+    m: StabilityMap,
+    kind: Model,
+    divisor: int,
+    seed: int = SEED,
+    *,
+    folder: Path = ARTIFACTS,
+    progress: Progress | None = None,
+) -> ServedMap:
+    """A predicted map: the shipped one, else what the model of :func:`find_model` predicts.
+
+    Parameters and errors are those of :func:`find_model`.
+    """
+    note = ""
+    if seed == SEED and is_shipped(PREDICTIONS, folder):
+        try:
+            return load_shipped_map(m, kind, divisor, seed, folder)
+        except ArtifactError as error:
+            note = str(error)
+    found, predicted = find_or_train(m, kind, divisor, seed, folder, progress)
+    predicted = predicted or predict_with(m, found.surrogate, divisor)
+    return ServedMap(
+        **{f.name: getattr(predicted, f.name) for f in fields(predicted)},
+        origin=found.origin,
+        note=note,
+    )
+
+
+def prediction_npz(m: StabilityMap, predicted: PredictedMap) -> bytes:
+    """A predicted map as an NPZ file: ``bearing_number``, ``rotor_mass`` in kg, ``mle`` per
+    revolution, ``trained``.
+    """
+    return npz_bytes(
+        {
+            "bearing_number": m.bearing_number,
+            "rotor_mass": m.rotor_mass,
+            "mle": predicted.mle,
+            "trained": predicted.trained,
+        }
+    )

@@ -1,0 +1,133 @@
+"""What a trained model or predicted map was made from: design, map, versions, training code; and
+whether that is still the case."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib.metadata
+import json
+import platform
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from spab_core.common.source_hash import source_hash
+from spab_core.design.model import Design
+from spab_core.linear_theory import linear_table as features
+from spab_core.maps.stability_map import FIELDS, StabilityMap
+from spab_core.surrogates import classifier, uncertainty
+from spab_core.surrogates import models as surrogates
+from spab_core.surrogates import theory_trees as theory_models
+from spab_core.surrogates.models import (
+    Model,
+)
+
+LIBRARIES = ("numpy", "scipy", "scikit-learn", "joblib", "numba")
+
+MEANING = {"scikit-learn": 2, "numpy": 1}  # how many numbers of a version say what a pickle means
+
+RECIPE = (
+    features,
+    surrogates,
+    theory_models,
+)  # modules whose code makes a trained model what it is
+
+INTERVALS_RECIPE = (*RECIPE, classifier, uncertainty)
+
+
+@functools.cache
+def versions() -> dict[str, str]:
+    """What a model is made with, noted with it: Python's version without its last number, the
+    libraries' in full.
+    """
+    return {"python": ".".join(platform.python_version_tuple()[:2])} | {
+        name: importlib.metadata.version(name) for name in LIBRARIES
+    }
+
+
+def _meaning(name: str, version: object) -> str:
+    return ".".join(str(version).split(".")[: MEANING[name]])[:20]
+
+
+def design_hash(design: Design) -> str:
+    """SHA-256 of a design's values."""
+    return hashlib.sha256(json.dumps(design.to_dict(), sort_keys=True).encode()).hexdigest()
+
+
+def map_hash(m: StabilityMap) -> str:
+    """SHA-256 of a map's axes and cells; its metadata (date, versions) left out."""
+    digest = hashlib.sha256()
+    for name, dtype in {"bearing_number": np.float64, "rotor_mass": np.float64, **FIELDS}.items():
+        array = np.ascontiguousarray(getattr(m, name), dtype)
+        digest.update(f"{name} {array.shape} {array.dtype.str}".encode() + array.tobytes())
+    return digest.hexdigest()
+
+
+def mask_hash(trained: np.ndarray) -> str:
+    """SHA-256 of a mask of training cells."""
+    return hashlib.sha256(np.packbits(trained).tobytes()).hexdigest()
+
+
+@functools.cache
+def recipe_hash(modules: tuple[ModuleType, ...] = RECIPE) -> str:
+    """Hash of modules' code, wherever they stand and however they are laid out
+    (:mod:`spab_core.common.source_hash`).
+    """
+    return source_hash(Path(str(module.__file__)).read_bytes() for module in modules)
+
+
+def made_from(m: StabilityMap) -> dict:
+    """What anything computed from a map with surrogates comes from: ``versions``, ``recipe``,
+    ``design``, ``map``.
+    """
+    return {
+        "versions": versions(),
+        "recipe": recipe_hash(),
+        "design": design_hash(m.design),
+        "map": map_hash(m),
+    }
+
+
+def model_source(m: StabilityMap, kind: Model, divisor: int, seed: int) -> dict:
+    """:func:`made_from` of one trained model: ``model``, ``divisor`` and ``seed`` too."""
+    return made_from(m) | {"model": kind.name, "divisor": divisor, "seed": seed}
+
+
+def intervals_source(m: StabilityMap, kind: Model, divisor: int, seed: int) -> dict:
+    """:func:`model_source` of the models behind intervals."""
+    return model_source(m, kind, divisor, seed) | {"recipe": recipe_hash(INTERVALS_RECIPE)}
+
+
+def difference(noted: object, wanted: dict) -> str | None:
+    """What, of all that ``wanted`` names, is otherwise in ``noted``: one clause for a sentence, or
+    None.
+
+    Of versions only the numbers of :data:`MEANING` count.
+
+    Parameters
+    ----------
+    noted : object
+        What a manifest or side file says; anything at all.
+    wanted : dict
+        Of :func:`made_from` or :func:`model_source`, or part of it.
+    """
+    if not isinstance(noted, dict):
+        return "nothing is noted of what it was made from"
+    found = noted.get("versions")
+    for name, now in (
+        (name, _meaning(name, wanted["versions"][name])) for name in MEANING if "versions" in wanted
+    ):
+        before = _meaning(name, found.get(name) if isinstance(found, dict) else None)
+        if before != now:
+            return f"it was made with {name} {before} and this is {name} {now}"
+    words = {
+        "design": "it was made for another design",
+        "map": "it was made from another map",
+        "recipe": "the code that makes it has changed since",
+    }
+    for key in wanted.keys() - {"versions"}:
+        if noted.get(key) != wanted[key]:
+            return words.get(key, f"it has {key} {str(noted.get(key))[:40]} and not {wanted[key]}")
+    return None
