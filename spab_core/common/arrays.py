@@ -86,14 +86,14 @@ class Schema:
     error: type[InputError] = InputError
     advice: str = ""
 
-    def refusal(self, source: str | os.PathLike | bytes, why: object) -> InputError:
+    def refusal(self, source: str | os.PathLike[str] | bytes, why: object) -> InputError:
         """Return the error for a file that is refused, to be raised."""
         name = "" if isinstance(source, bytes) else f" {str(source)!r}"
         reason = " ".join(str(why).split())[:300]
         return self.error(f"cannot read the {self.what}{name}: {reason}{self.advice}")
 
     @contextlib.contextmanager
-    def reading(self, source: str | os.PathLike | bytes) -> Iterator[None]:
+    def reading(self, source: str | os.PathLike[str] | bytes) -> Iterator[None]:
         """Turn the errors of what is done with a file's content into :meth:`refusal`; an
         :class:`InputError` passes.
         """
@@ -106,7 +106,7 @@ class Schema:
 
 
 def load(
-    source: str | os.PathLike | bytes, schema: Schema, sizes: Mapping[str, int] | None = None
+    source: str | os.PathLike[str] | bytes, schema: Schema, sizes: Mapping[str, int] | None = None
 ) -> dict[str, Any]:
     """Return the arrays and JSON objects of an NPZ file by name, checked; nothing is unpickled.
 
@@ -158,10 +158,7 @@ def _checked(name: str, array: Array, file: Npz, sizes: dict[str, int]) -> np.nd
             if isinstance(dimension, str):
                 sizes.setdefault(dimension, length)
     if shape != tuple(sizes.get(d, d) if isinstance(d, str) else d for d in array.shape):
-        allowed = [
-            f"{d} ({sizes[d]})" if d in sizes else str(d)  # type: ignore[index]
-            for d in array.shape
-        ]
+        allowed = [f"{d} ({sizes[d]})" if d in sizes else str(d) for d in array.shape]
         raise ValueError(f"{name} has the shape {_times(shape)}: allowed is {_times(allowed)}")
     values = file[name]
     _check_values(name, array, values)

@@ -18,7 +18,7 @@ from spab_core.common.errors import InputError
 _T = TypeVar("_T")
 
 
-def check_output(path: str | os.PathLike, name: str) -> None:
+def check_output(path: str | os.PathLike[str], name: str) -> None:
     """Raise :class:`InputError` unless ``path`` can become a regular file: a file or nothing yet,
     in a folder that exists.
     """
@@ -35,7 +35,7 @@ def check_output(path: str | os.PathLike, name: str) -> None:
         )
 
 
-def write_atomically(path: str | os.PathLike, data: bytes) -> None:
+def write_atomically(path: str | os.PathLike[str], data: bytes) -> None:
     """Write a whole file or nothing: to a temporary file beside it, then renamed over it.
 
     A link's target is replaced.
@@ -101,4 +101,5 @@ def check_writable(folder: Path, name: str) -> None:
 
 def csv_bytes(table: pd.DataFrame) -> bytes:
     """A table as CSV."""
-    return table.to_csv(index=False, lineterminator="\n").encode()
+    text: str = table.to_csv(index=False, lineterminator="\n")
+    return text.encode()

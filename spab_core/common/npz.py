@@ -120,7 +120,7 @@ class Npz:
 
 
 @contextlib.contextmanager
-def open_npz(source: str | os.PathLike | bytes) -> Iterator[Npz]:
+def open_npz(source: str | os.PathLike[str] | bytes) -> Iterator[Npz]:
     """Open an NPZ file to read arrays from.
 
     Parameters
@@ -145,7 +145,7 @@ def open_npz(source: str | os.PathLike | bytes) -> Iterator[Npz]:
         if not stat.S_ISREG(os.fstat(raw.fileno()).st_mode):
             raw.close()
             raise ValueError("it is no regular file")
-    with _InPieces(raw) as file, zipfile.ZipFile(file) as archive:  # type: ignore[arg-type]
+    with _InPieces(raw) as file, zipfile.ZipFile(file) as archive:
         members = archive.infolist()
         if any(member.compress_type not in _PACKED for member in members):
             raise ValueError("it is packed in another way than NPZ files are")
@@ -155,7 +155,7 @@ def open_npz(source: str | os.PathLike | bytes) -> Iterator[Npz]:
         yield Npz(archive)
 
 
-def npz_bytes(arrays: dict) -> bytes:
+def npz_bytes(arrays: dict[str, Any]) -> bytes:
     """Arrays by name as the bytes of a compressed NPZ file; the same arrays give the same bytes."""
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)

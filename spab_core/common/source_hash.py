@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import hashlib
 from collections.abc import Iterable
+from typing import Any
 
 _SILENT = {
     "ctx",
@@ -29,11 +30,11 @@ def _left_out(node: object) -> bool:
     )
 
 
-def _pieces(values: list) -> list:
+def _pieces(values: list[Any]) -> list[Any]:
     """Parts of an f-string; texts beside one another are one, empty ones none: Pythons cut them
     differently.
     """
-    joined: list = [""]
+    joined: list[Any] = [""]
     for value in values:
         if not isinstance(value, ast.Constant):
             joined += [value, ""]

@@ -7,7 +7,16 @@ import math
 from spab_core.common.errors import DesignError
 
 
-def check_number(name, value, low, high, unit="", *, infinite=False, open_low=False):
+def check_number(
+    name: str,
+    value: object,
+    low: float,
+    high: float,
+    unit: str = "",
+    *,
+    infinite: bool = False,
+    open_low: bool = False,
+) -> float:
     """Return ``value`` as a float if it lies in the allowed range.
 
     Parameters

@@ -225,7 +225,7 @@ class LinearFeatures(TransformerMixin, BaseEstimator):
         """Nothing is learnt."""
         return self
 
-    def transform(self, X):
+    def transform(self, X: np.ndarray) -> np.ndarray:
         """Features (n, 6) of X (n, 2)."""
         number, mass = np.asarray(X, float).T
         group = (

@@ -8,6 +8,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import joblib
 import numpy as np
@@ -57,7 +58,7 @@ from spab_core.surrogates.uncertainty import TooFewCells, certainty, uncertain_m
 
 # tables of errors by file: the models in them (None: all), and what evaluation.evaluate is asked
 # besides
-TABLES: dict[str, tuple[tuple[str, ...] | None, dict]] = {
+TABLES: dict[str, tuple[tuple[str, ...] | None, dict[str, Any]]] = {
     SCORES: (None, {}),
     BLOCK_SCORES: (None, {"split": "blocks"}),
     UNCERTAINTY: (("theory-trees",), {"uncertainty": True}),
@@ -92,9 +93,9 @@ class _Trained:
     """
 
     mle: np.ndarray
-    description: dict
+    description: dict[str, Any]
     file: bytes | None
-    noted: dict
+    noted: dict[str, Any]
 
 
 def _train(m: StabilityMap, name: str, divisor: int) -> _Trained:
@@ -111,7 +112,7 @@ def _train(m: StabilityMap, name: str, divisor: int) -> _Trained:
     return _Trained(rounded(predicted.mle), describe(surrogate), data, predictions(m, surrogate))
 
 
-def ship_intervals(m: StabilityMap, name: str, divisor: int) -> tuple[bytes, dict]:
+def ship_intervals(m: StabilityMap, name: str, divisor: int) -> tuple[bytes, dict[str, Any]]:
     """File of the models behind intervals, and what it was made from. Raises ``TooFewCells``."""
     kind = MODELS[name]
     known = certainty(m, kind, divisor, SEED)
@@ -230,7 +231,9 @@ def rebuild(
     return {name: len(data) for name, data in written.items()}
 
 
-def _check_folder(m: StabilityMap, folder: Path, source: dict, divisors: Sequence[int]) -> None:
+def _check_folder(
+    m: StabilityMap, folder: Path, source: dict[str, Any], divisors: Sequence[int]
+) -> None:
     """Raise :class:`InputError` where the folder holds another map, or the map has too few cells:
     before an hour of training.
     """
@@ -263,12 +266,13 @@ def _train_all(
 def _table_bytes(scores: pd.DataFrame) -> bytes:
     """Return a table of errors as CSV, without the seconds, which differ from run to run."""
     kept = [column for column in scores.columns if not column.endswith("_seconds")]
-    return scores[kept].to_csv(index=False, lineterminator="\n").encode()
+    text: str = scores[kept].to_csv(index=False, lineterminator="\n")
+    return text.encode()
 
 
 def _maps_bytes(
     m: StabilityMap,
-    source: dict,
+    source: dict[str, Any],
     models: Sequence[Model],
     divisors: Sequence[int],
     trained: dict[tuple[str, int], _Trained],
@@ -319,7 +323,7 @@ def trainings(models: Sequence[Model], divisors: Sequence[int], seeds: Sequence[
     return rows + len(models) * len(divisors)
 
 
-def _tables(models: Sequence[Model]) -> list[tuple[str, list[Model], dict]]:
+def _tables(models: Sequence[Model]) -> list[tuple[str, list[Model], dict[str, Any]]]:
     """File, models and options of each table that has any of the models."""
     found = [
         (name, [kind for kind in models if names is None or kind.name in names], options)
@@ -339,7 +343,7 @@ def _drawn(m: StabilityMap, divisor: int) -> str:
     return mask_hash(trained)
 
 
-def _check_intervals(m, kind, divisor, folder):
+def check_intervals(m: StabilityMap, kind: Model, divisor: int, folder: Path) -> None:
     found = uncertain_map(
         m, kind, divisor, SEED, known=load_shipped_certainty(m, kind, divisor, SEED, folder)
     )

@@ -10,6 +10,7 @@ import json
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -48,11 +49,11 @@ def sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _text(manifest: dict) -> bytes:
+def _text(manifest: dict[str, Any]) -> bytes:
     return (json.dumps(manifest, indent=1) + "\n").encode()
 
 
-def read_manifest(folder: Path = ARTIFACTS) -> dict[str, dict]:
+def read_manifest(folder: Path = ARTIFACTS) -> dict[str, dict[str, Any]]:
     """Entries of the manifest by file name.
 
     Returns
@@ -67,7 +68,9 @@ def read_manifest(folder: Path = ARTIFACTS) -> dict[str, dict]:
         Where it is missing or no manifest.
     """
     try:
-        files = json.loads((folder / MANIFEST).read_text("utf-8"))["files"]
+        files: dict[str, dict[str, Any]] = json.loads((folder / MANIFEST).read_text("utf-8"))[
+            "files"
+        ]
         if not all(
             isinstance(entry["sha256"], str) and _NAME.fullmatch(name)
             for name, entry in files.items()
@@ -89,7 +92,9 @@ def present_files(folder: Path = ARTIFACTS) -> list[str]:
     )
 
 
-def write_manifest(folder: Path = ARTIFACTS, made_from: dict[str, dict] | None = None) -> dict:
+def write_manifest(
+    folder: Path = ARTIFACTS, made_from: dict[str, dict[str, Any]] | None = None
+) -> dict[str, Any]:
     """Write manifest.json for all files of the folder.
 
     Parameters
@@ -108,7 +113,7 @@ def write_manifest(folder: Path = ARTIFACTS, made_from: dict[str, dict] | None =
         before = read_manifest(folder)
     except ArtifactError:
         before = {}
-    files: dict[str, dict] = {}
+    files: dict[str, dict[str, Any]] = {}
     for name in present_files(folder):
         path = folder / name
         entry = files[name] = {"sha256": sha256(path), "bytes": path.stat().st_size}

@@ -12,6 +12,7 @@ import hashlib
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 from spab_core.common import private_folders as private_folder
 from spab_core.common.files import write_atomically
@@ -44,7 +45,7 @@ def cache_folder() -> Path:
     return private_folder.private_folder(wanted_folder(), VARIABLE, "models", CacheError)
 
 
-def read(name: str) -> tuple[bytes, dict] | None:
+def read(name: str) -> tuple[bytes, dict[str, Any]] | None:
     """A model's bytes and what it was made from, checked against its side file; None where it is
     not there.
 
@@ -75,7 +76,7 @@ def read(name: str) -> tuple[bytes, dict] | None:
     return data, made_from
 
 
-def write(path: Path, data: bytes, made_from: dict) -> None:
+def write(path: Path, data: bytes, made_from: dict[str, Any]) -> None:
     """A model's bytes with their side file, ``path`` with ".json" added. Raises ``OSError``."""
     side = {"sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data), "made_from": made_from}
     write_atomically(path, data)
@@ -84,7 +85,7 @@ def write(path: Path, data: bytes, made_from: dict) -> None:
     )
 
 
-def keep(name: str, data: bytes, made_from: dict) -> Path:
+def keep(name: str, data: bytes, made_from: dict[str, Any]) -> Path:
     """Keep a model in the cache, and drop the oldest ones beyond :data:`MAX_BYTES`.
 
     Raises

@@ -71,7 +71,7 @@ def cache_name(m: StabilityMap, kind: Model, divisor: int, seed: int) -> str:
     return f"{kind.name}_n{divisor}_seed{seed}_{place}.joblib"
 
 
-def dump(fitted: object, compress=("xz", 6)) -> bytes:
+def dump(fitted: object, compress: int | tuple[str, int] = ("xz", 6)) -> bytes:
     """Fitted estimators as the bytes of a joblib file; the same training gives the same bytes."""
     buffer = io.BytesIO()
     joblib.dump(fitted, buffer, compress=compress)
@@ -107,7 +107,7 @@ def plain_certainty(known: Certainty) -> list[BaseEstimator]:
     return [plain(found.surrogate), found.classifier.trees_, known.regimes.trees_]
 
 
-def describe(surrogate: Surrogate) -> dict:
+def describe(surrogate: Surrogate) -> dict[str, Any]:
     """What the manifest says of a model beside its source: ``training_cells``, ``converged``."""
     return {"training_cells": surrogate.training_cells, "converged": surrogate.converged}
 
@@ -122,7 +122,7 @@ def _noted_points(m: StabilityMap) -> tuple[np.ndarray, np.ndarray]:
     return number.ravel(), mass.ravel()
 
 
-def predictions(m: StabilityMap, trained: Surrogate | Certainty) -> dict:
+def predictions(m: StabilityMap, trained: Surrogate | Certainty) -> dict[str, Any]:
     """What is noted with a model to compare with once it is opened: ``predictions`` at 4 x 4 cells
     over the plane.
 
@@ -172,7 +172,7 @@ def _unpickle(name: str, data: bytes, retrain: str) -> Any:
 
 
 def _check_predictions(
-    name: str, m: StabilityMap, noted: dict, trained: Surrogate | Certainty, retrain: str
+    name: str, m: StabilityMap, noted: dict[str, Any], trained: Surrogate | Certainty, retrain: str
 ) -> None:
     try:
         expected = np.array(noted["predictions"], float)
@@ -191,7 +191,7 @@ def _check_predictions(
         )
 
 
-def _noted(name: str, noted: object, wanted: dict, retrain: str) -> dict:
+def _noted(name: str, noted: object, wanted: dict[str, Any], retrain: str) -> dict[str, Any]:
     """What is noted of a file, if it was made from what is wanted.
 
     Raises :class:`ArtifactError`.

@@ -136,7 +136,12 @@ def find_model(
 
 
 def find_or_train(
-    m, kind, divisor, seed, folder, progress
+    m: StabilityMap,
+    kind: Model,
+    divisor: int,
+    seed: int,
+    folder: Path | None,
+    progress: Progress | None,
 ) -> tuple[ModelWithOrigin, PredictedMap | None]:
     """The model, and the map that was predicted where it had to be trained."""
     notes = []
@@ -320,4 +325,5 @@ def predict_point(
 
 _POINTS = threading.Lock()
 
-_points: dict[tuple, tuple[Surrogate, Certainty]] = {}  # of the last map, model and fraction
+# of the last map, model and fraction
+_points: dict[tuple[object, ...], tuple[Surrogate, Certainty]] = {}

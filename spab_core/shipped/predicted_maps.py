@@ -45,14 +45,15 @@ class ModelOnDemand(RegressorMixin, BaseEstimator):
         self.m, self.kind, self.divisor, self.seed, self.folder = m, kind, divisor, seed, folder
 
     @functools.cached_property
-    def _estimator(self):
+    def _estimator(self) -> BaseEstimator:
         return find_model(
             self.m, self.kind, self.divisor, self.seed, folder=self.folder
         ).surrogate.estimator
 
-    def predict(self, X):
+    def predict(self, X: np.ndarray) -> np.ndarray:
         """Values at X (n, 2)."""
-        return self._estimator.predict(X)
+        found: np.ndarray = self._estimator.predict(X)
+        return found
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import json
 import platform
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -78,7 +79,7 @@ def recipe_hash(modules: tuple[ModuleType, ...] = RECIPE) -> str:
     return source_hash(Path(str(module.__file__)).read_bytes() for module in modules)
 
 
-def made_from(m: StabilityMap) -> dict:
+def made_from(m: StabilityMap) -> dict[str, Any]:
     """What anything computed from a map with surrogates comes from: ``versions``, ``recipe``,
     ``design``, ``map``.
     """
@@ -90,17 +91,17 @@ def made_from(m: StabilityMap) -> dict:
     }
 
 
-def model_source(m: StabilityMap, kind: Model, divisor: int, seed: int) -> dict:
+def model_source(m: StabilityMap, kind: Model, divisor: int, seed: int) -> dict[str, Any]:
     """:func:`made_from` of one trained model: ``model``, ``divisor`` and ``seed`` too."""
     return made_from(m) | {"model": kind.name, "divisor": divisor, "seed": seed}
 
 
-def intervals_source(m: StabilityMap, kind: Model, divisor: int, seed: int) -> dict:
+def intervals_source(m: StabilityMap, kind: Model, divisor: int, seed: int) -> dict[str, Any]:
     """:func:`model_source` of the models behind intervals."""
     return model_source(m, kind, divisor, seed) | {"recipe": recipe_hash(INTERVALS_RECIPE)}
 
 
-def difference(noted: object, wanted: dict) -> str | None:
+def difference(noted: object, wanted: dict[str, Any]) -> str | None:
     """What, of all that ``wanted`` names, is otherwise in ``noted``: one clause for a sentence, or
     None.
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from spab_core.common.errors import InputError
 from spab_core.design.model import Design, reference_design
-from spab_core.shipped.build import MAX_FOLDER_BYTES, TABLES, TOLERANCE, _check_intervals, _is_model
+from spab_core.maps.stability_map import StabilityMap
+from spab_core.shipped.build import MAX_FOLDER_BYTES, TABLES, TOLERANCE, _is_model, check_intervals
 from spab_core.shipped.manifest import (
     ARTIFACTS,
     BIFURCATIONS,
@@ -129,7 +130,7 @@ def verify(folder: Path = ARTIFACTS) -> Iterator[Check]:
     )
 
 
-def _checked(name: str, check: Callable[..., object], *args) -> Check:
+def _checked(name: str, check: Callable[..., object], *args: object) -> Check:
     try:
         check(*args)
     except (
@@ -141,7 +142,7 @@ def _checked(name: str, check: Callable[..., object], *args) -> Check:
     return Check(name)
 
 
-def _check_line(name, folder):
+def _check_line(name: str, folder: Path) -> None:
     if (
         Design.from_dict(load_reference_bifurcation(name, folder).metadata["design"])
         != reference_design()
@@ -149,13 +150,13 @@ def _check_line(name, folder):
         raise ArtifactError("the line is of another design")
 
 
-def _check_maps(m, folder):
+def _check_maps(m: StabilityMap, folder: Path) -> None:
     for kind in MODELS.values():
         for divisor in DIVISORS:
             load_shipped_map(m, kind, divisor, SEED, folder)
 
 
-def _check_scores(m, folder):
+def _check_scores(m: StabilityMap, folder: Path) -> None:
     scores = load_reference_scores(folder).set_index(["model", "divisor", "seed"])
     if not scores.index.is_unique or not np.isfinite(scores["rmse_held_out"]).all():
         raise ArtifactError("there are double rows, or errors that are no numbers")
@@ -177,11 +178,11 @@ def _check_scores(m, folder):
                     )
 
 
-def _check_model(m, name, noted, folder):
+def _check_model(m: StabilityMap, name: str, noted: object, folder: Path) -> None:
     noted = noted if isinstance(noted, dict) else {}
     kind, divisor = MODELS.get(str(noted.get("model"))), noted.get("divisor")
     if kind is not None and isinstance(divisor, int) and name == intervals_file(kind, divisor):
-        _check_intervals(m, kind, divisor, folder)
+        check_intervals(m, kind, divisor, folder)
         return
     if kind is None or not isinstance(divisor, int) or name != model_file(kind, divisor):
         raise ArtifactError(

@@ -42,7 +42,7 @@ class RegimeTrees(ClassifierMixin, BaseEstimator):
         self.table = table
         self.seed = seed
 
-    def _inputs(self, X):
+    def _inputs(self, X: np.ndarray) -> np.ndarray:
         features = LinearFeatures(self.table).transform(X)
         number, mass = (
             features[:, 0] / self.table.bearing_number[-1],
@@ -50,7 +50,7 @@ class RegimeTrees(ClassifierMixin, BaseEstimator):
         )
         return np.column_stack([features, *(a * number + b * mass for a, b in _SLOPES)])
 
-    def fit(self, X, y):
+    def fit(self, X: np.ndarray, y: np.ndarray) -> RegimeTrees:
         """Learn from X (n, 2), bearing number and rotor mass in kg, and regimes y (n,) of str."""
         trees = ExtraTreesClassifier(
             TREES, max_features=None, min_samples_leaf=2, random_state=self.seed
@@ -62,7 +62,7 @@ class RegimeTrees(ClassifierMixin, BaseEstimator):
         self.trees_, self.classes_ = trees, np.array(REGIMES)
         return self
 
-    def predict_proba(self, X):
+    def predict_proba(self, X: np.ndarray) -> np.ndarray:
         """Probabilities (n, 3) in the order of ``REGIMES``; 0 for a regime that no training cell
         had.
         """
@@ -75,9 +75,10 @@ class RegimeTrees(ClassifierMixin, BaseEstimator):
             [np.zeros(len(found)) if c is None else found[:, c] for c in columns]
         )
 
-    def predict(self, X):
+    def predict(self, X: np.ndarray) -> np.ndarray:
         """The most probable regimes (n,)."""
-        return self.classes_[self.predict_proba(X).argmax(axis=1)]
+        found: np.ndarray = self.classes_[self.predict_proba(X).argmax(axis=1)]
+        return found
 
 
 @dataclass(frozen=True)

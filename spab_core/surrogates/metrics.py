@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 import joblib
 import numpy as np
@@ -53,7 +54,9 @@ def regime_scores(truth: np.ndarray, predicted: np.ndarray) -> dict[str, float]:
     }
 
 
-def score(m: StabilityMap, kind: Model, divisor: int, seed: int, split: str = "random") -> dict:
+def score(
+    m: StabilityMap, kind: Model, divisor: int, seed: int, split: str = "random"
+) -> dict[str, Any]:
     """Errors of one model trained on 1/divisor of a map.
 
     Returns
@@ -105,7 +108,7 @@ def uncertainty_scores(m: StabilityMap, found: MapIntervals) -> dict[str, float]
 
 def score_uncertainty(
     m: StabilityMap, kind: Model, divisor: int, seed: int, split: str = "random"
-) -> dict:
+) -> dict[str, Any]:
     """:func:`uncertainty_scores` from 1/divisor of a map, with ``model``, ``divisor``, ``seed`` and
     ``train_seconds``.
     """
@@ -168,6 +171,8 @@ def evaluate(
     return pd.DataFrame(rows)
 
 
-def _score_by_name(m, name, divisor, seed, split, uncertainty):
+def _score_by_name(
+    m: StabilityMap, name: str, divisor: int, seed: int, split: str, uncertainty: bool
+) -> dict[str, Any]:
     kind = MODELS[name]  # models hold functions, which do not travel to another process
     return (score_uncertainty if uncertainty else score)(m, kind, divisor, seed, split)

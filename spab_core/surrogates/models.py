@@ -61,7 +61,7 @@ class Interpolation(RegressorMixin, BaseEstimator):
     def __init__(self, degree: int = 1):
         self.degree = degree
 
-    def fit(self, X, y):
+    def fit(self, X: np.ndarray, y: np.ndarray) -> Interpolation:
         """Triangulate the samples X (n, 2) with values y (n,).
 
         Raises InputError where they lie on one line.
@@ -76,7 +76,7 @@ class Interpolation(RegressorMixin, BaseEstimator):
         self.outside_ = NearestNDInterpolator(X, y)
         return self
 
-    def predict(self, X):
+    def predict(self, X: np.ndarray) -> np.ndarray:
         """Values at X (n, 2)."""
         values = np.asarray(self.inside_(X), float)
         missing = ~np.isfinite(values)
@@ -314,9 +314,8 @@ class Surrogate:
         number, mass = np.broadcast_arrays(
             np.asarray(bearing_number, float), np.asarray(rotor_mass, float)
         )
-        return self.estimator.predict(np.column_stack([number.ravel(), mass.ravel()])).reshape(
-            number.shape
-        )
+        found: np.ndarray = self.estimator.predict(np.column_stack([number.ravel(), mass.ravel()]))
+        return found.reshape(number.shape)
 
 
 def linear_table_of(m: StabilityMap) -> LinearTable:
@@ -436,7 +435,9 @@ class PredictedMap:
     def held_out(self) -> np.ndarray:
         """The cells that errors are measured on, (B, M) of bool: those with an exponent that were
         not trained on; of blocks, only the withheld ones."""
-        return np.isfinite(self.mle) & (~self.trained if self.withheld is None else self.withheld)
+        tested = ~self.trained if self.withheld is None else self.withheld
+        found: np.ndarray = np.isfinite(self.mle) & tested
+        return found
 
 
 def predict_map(

@@ -21,7 +21,8 @@ def baseline(features: np.ndarray) -> np.ndarray:
     """Exponent by linear theory, (n,), per revolution, from features (n, 6): the rate of decay, 0
     where the rotor whirls.
     """
-    return np.minimum(features[:, FEATURES.index("linear rate")], 0.0)
+    rate: np.ndarray = np.minimum(features[:, FEATURES.index("linear rate")], 0.0)
+    return rate
 
 
 class TheoryTrees(RegressorMixin, BaseEstimator):
@@ -42,25 +43,26 @@ class TheoryTrees(RegressorMixin, BaseEstimator):
         self.seed = seed
         self.n_estimators = n_estimators
 
-    def _prepare(self, X):
+    def _prepare(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         X = np.asarray(X, float)
         features = LinearFeatures(self.table).transform(X)
         return X[:, 0], features, baseline(features)
 
-    def remainder(self, X, y):
+    def remainder(self, X: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return what the trees learn from X (n, 2), bearing number and rotor mass in kg, and
         exponents y (n,): their inputs (n, 6) and targets (n,).
         """
         number, features, linear = self._prepare(X)
         return features, (y - linear) * number
 
-    def fit(self, X, y):
+    def fit(self, X: np.ndarray, y: np.ndarray) -> TheoryTrees:
         """Learn from X (n, 2), bearing number and rotor mass in kg, and exponents y (n,)."""
         forest = ExtraTreesRegressor(self.n_estimators, random_state=self.seed)
         self.trees_ = forest.fit(*self.remainder(X, y))
         return self
 
-    def predict(self, X):
+    def predict(self, X: np.ndarray) -> np.ndarray:
         """Exponents (n,) at X (n, 2)."""
         number, features, linear = self._prepare(X)
-        return linear + self.trees_.predict(features) / number
+        found: np.ndarray = linear + self.trees_.predict(features) / number
+        return found

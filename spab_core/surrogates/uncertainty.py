@@ -91,9 +91,10 @@ class Uncertainty:
         in kg.
         """
         inputs = np.column_stack([bearing_number, rotor_mass]).astype(float)
-        return self._unstable.predict(
+        found: np.ndarray = self._unstable.predict(
             1.0 - self.classifier.predict_proba(inputs)[:, REGIMES.index("periodic")]
         )
+        return found
 
 
 def calibrate(

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,7 +19,7 @@ from spab_core.common.errors import InputError
 from spab_core.common.npz import npz_bytes
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.design.model import Design
-from spab_core.linear_theory.linear_table import table_for
+from spab_core.linear_theory.linear_table import LinearTable, table_for
 from spab_core.surrogates.metrics import ERRORS
 from spab_core.surrogates.models import DIVISORS, MODELS, Model, train, training_mask
 
@@ -160,7 +161,7 @@ def load_samples(path: Path) -> Samples:
 
 
 def _numbers(column: pd.Series, name: str, empty_allowed: bool) -> np.ndarray:
-    values = pd.to_numeric(column, errors="coerce").to_numpy(float)
+    values: np.ndarray = pd.to_numeric(column, errors="coerce").to_numpy(float)
     empty = column.isna().to_numpy()
     low, high, unit = _RANGES[name]
     wrong = ~((low <= values) & (values <= high)) & ~(empty & empty_allowed)
@@ -219,7 +220,9 @@ def rank_samples(
     return pd.DataFrame(rows)
 
 
-def _row(samples, kind, divisor, seed, table):
+def _row(
+    samples: Samples, kind: Model, divisor: int, seed: int, table: LinearTable | None
+) -> dict[str, Any]:
     chosen = training_mask(len(samples.mle), divisor, seed)
     surrogate = train(kind, samples.inputs[chosen], samples.mle[chosen], seed, table)
     began = time.perf_counter()
