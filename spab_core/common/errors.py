@@ -1,12 +1,10 @@
-"""What a person typed or gave is wrong: the root of all errors that are told in a sentence."""
+"""Errors of user input; each message is a sentence for the user."""
 
 from __future__ import annotations
 
 
 class InputError(ValueError):
-    """Something a person gave is wrong; the message is a sentence that says what, and what is
-    allowed.
-    """
+    """User input is wrong; the message is a sentence that names it, its value and what is allowed."""
 
 
 class DesignError(InputError):

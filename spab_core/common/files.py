@@ -60,8 +60,8 @@ _WAITS = (0.01, 0.03, 0.1, 0.3, 0.5)  # seconds
 
 
 def patiently(action: Callable[[], _T]) -> _T:
-    """Do something with a file, again within a second where it is denied: on Windows it is while
-    others have the file open.
+    """Call ``action``, again within a second where it is denied: Windows denies it while another
+    process has the file open.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def patiently(action: Callable[[], _T]) -> _T:
 
 
 def check_writable(folder: Path, name: str) -> None:
-    """Raise ``InputError`` where no file can be made in a folder: before the work, not after it.
+    """Raise ``InputError`` unless files can be made in a folder; to be called before long work.
 
     ``name``: who needs it.
     """
@@ -100,6 +100,6 @@ def check_writable(folder: Path, name: str) -> None:
 
 
 def csv_bytes(table: pd.DataFrame) -> bytes:
-    """A table as CSV."""
+    """Return a table as CSV in UTF-8."""
     text: str = table.to_csv(index=False, lineterminator="\n")
     return text.encode()

@@ -1,4 +1,4 @@
-"""NPZ files: written the same to the byte, and read as what a stranger may have made.
+"""NPZ files: the same arrays are written as the same bytes; files from strangers are read safely.
 
 Nothing is unpickled. Sizes are known before memory is taken: a small file that unpacks to
 gigabytes, or an array whose header names more cells than the file holds, is refused by what its
@@ -53,8 +53,8 @@ UNREADABLE = (
 
 
 class _InPieces(io.BufferedReader):
-    """A file of which no more than a piece is read at once: the directory of a ZIP archive is as
-    long as it says.
+    """A file that refuses to read more than :data:`_DIRECTORY_BYTES` at once: a ZIP archive may
+    claim a directory of any length.
     """
 
     def read(self, size: int | None = -1, /) -> bytes:
@@ -109,7 +109,7 @@ class Npz:
         return shape, dtype
 
     def json(self, name: str) -> Any:
-        """Return what a text says in JSON; it has at most :data:`MAX_TEXT_BYTES`."""
+        """Return the value of a JSON text of at most :data:`MAX_TEXT_BYTES`."""
         self.header(name, MAX_TEXT_BYTES)
         return json.loads(str(self[name]))
 
@@ -156,7 +156,7 @@ def open_npz(source: str | os.PathLike[str] | bytes) -> Iterator[Npz]:
 
 
 def npz_bytes(arrays: dict[str, Any]) -> bytes:
-    """Arrays by name as the bytes of a compressed NPZ file; the same arrays give the same bytes."""
+    """Return arrays as the bytes of a compressed NPZ file; the same arrays give the same bytes."""
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)
     return buffer.getvalue()

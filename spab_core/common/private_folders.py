@@ -1,5 +1,5 @@
-"""Folders of this user alone, outside the repository: where they lie, that nobody else enters them,
-reading files in them.
+"""Folders that only this user can enter, outside the repository: find them, make them, read files
+in them.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def wanted_folder(
 def private_folder(
     path: Path, variable: str, what: str, error: type[InputError] = InputError
 ) -> Path:
-    """The folder, made if need be with mode 0700.
+    """Return the folder, made with mode 0700 where it is missing.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def _private(found: os.stat_result) -> bool:
 
 
 def own_bytes(path: Path, limit: int) -> bytes:
-    """The bytes of a regular file of this user; a link is not followed. Raises ``OSError``."""
+    """Return the bytes of a regular file of this user. Raises ``OSError``, for a link too."""
     if path.is_symlink():  # where there is no O_NOFOLLOW
         raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
     with os.fdopen(patiently(lambda: os.open(path, _FLAGS)), "rb") as file:

@@ -11,8 +11,8 @@ import psutil
 
 
 def end_with_parent(parent: int) -> None:
-    """First thing in a worker process: see to it that it ends with the one that started it, which
-    may be killed.
+    """End this worker process when its ``parent`` (a process id) ends, even where that is killed;
+    call it first.
     """
 
     def watch() -> None:

@@ -1,5 +1,4 @@
-"""A hash of source code by what it says: the same however it is laid out, wherever its files stand,
-on every Python.
+"""A hash of source code that does not depend on layout, comments, file names or Python's version.
 
 For models and results kept on disk: they stay good where code is reformatted, commented or moved,
 and on another Python."""
@@ -16,12 +15,12 @@ _SILENT = {
     "kind",
     "type_comment",
     "type_params",
-}  # said by the place, spelling, or new in later Pythons
+}  # fields that change no meaning, or that only later Pythons have
 
 
 def _left_out(node: object) -> bool:
-    """Statements that say where code stands or what a reader wants to know: imports, docstrings,
-    the part run as a script.
+    """Return whether a statement is left out of the hash: imports, docstrings, and what runs only
+    as a script.
     """
     if isinstance(node, ast.If):
         return ast.unparse(node.test).replace('"', "'") == "__name__ == '__main__'"
@@ -31,7 +30,7 @@ def _left_out(node: object) -> bool:
 
 
 def _pieces(values: list[Any]) -> list[Any]:
-    """Parts of an f-string; texts beside one another are one, empty ones none: Pythons cut them
+    """Join neighbouring texts of an f-string and drop empty ones: Python versions split them
     differently.
     """
     joined: list[Any] = [""]

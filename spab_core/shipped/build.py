@@ -113,7 +113,10 @@ def _train(m: StabilityMap, name: str, divisor: int) -> _Trained:
 
 
 def ship_intervals(m: StabilityMap, name: str, divisor: int) -> tuple[bytes, dict[str, Any]]:
-    """File of the models behind intervals, and what it was made from. Raises ``TooFewCells``."""
+    """Return the file of the models behind intervals and its manifest entry.
+
+    Raises ``TooFewCells``.
+    """
     kind = MODELS[name]
     known = certainty(m, kind, divisor, SEED)
     source = (
@@ -125,8 +128,8 @@ def ship_intervals(m: StabilityMap, name: str, divisor: int) -> tuple[bytes, dic
 
 
 def slim(fitted: BaseEstimator) -> BaseEstimator:
-    """Zero, in place, what no prediction of a forest reads: impurities, counts, means of inner
-    nodes; half of its file.
+    """Set to zero, in place, what predictions of a forest do not need: impurities, counts, means of
+    inner nodes. This halves its file.
     """
     forest = fitted.regressor_[-1] if isinstance(fitted, TransformedTargetRegressor) else fitted
     for fitted_tree in forest.estimators_:
@@ -139,9 +142,7 @@ def slim(fitted: BaseEstimator) -> BaseEstimator:
 
 
 def rounded(mle: np.ndarray) -> np.ndarray:
-    """Exponents as they are shipped: float32, to the nearest :data:`STEP`, which takes a third off
-    the file.
-    """
+    """Round exponents to the nearest :data:`STEP`, as float32: the file is a third smaller."""
     return (np.round(mle / STEP) * STEP).astype(np.float32)
 
 
@@ -318,13 +319,13 @@ def _write(m: StabilityMap, folder: Path, written: dict[str, bytes]) -> None:
 
 
 def trainings(models: Sequence[Model], divisors: Sequence[int], seeds: Sequence[int]) -> int:
-    """How many trainings :func:`rebuild` makes."""
+    """Return the number of trainings in :func:`rebuild`."""
     rows = sum(len(kinds) for _, kinds, _ in _tables(models)) * len(divisors) * len(seeds)
     return rows + len(models) * len(divisors)
 
 
 def _tables(models: Sequence[Model]) -> list[tuple[str, list[Model], dict[str, Any]]]:
-    """File, models and options of each table that has any of the models."""
+    """Return file, models and options of each table that has any of the models."""
     found = [
         (name, [kind for kind in models if names is None or kind.name in names], options)
         for name, (names, options) in TABLES.items()

@@ -129,7 +129,7 @@ def write_manifest(
 
 
 def checked_bytes(name: str, folder: Path = ARTIFACTS) -> bytes:
-    """A shipped file's bytes: those that were checked, so that nobody can swap the file in between.
+    """Return a shipped file's bytes: the checked ones, so that the file cannot be swapped meanwhile.
 
     Raises
     ------

@@ -46,8 +46,8 @@ def cache_folder() -> Path:
 
 
 def read(name: str) -> tuple[bytes, dict[str, Any]] | None:
-    """A model's bytes and what it was made from, checked against its side file; None where it is
-    not there.
+    """Return a model's bytes and what it was made from, checked against its side file; None where
+    it is missing.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def read(name: str) -> tuple[bytes, dict[str, Any]] | None:
 
 
 def write(path: Path, data: bytes, made_from: dict[str, Any]) -> None:
-    """A model's bytes with their side file, ``path`` with ".json" added. Raises ``OSError``."""
+    """Write a model and its side file (``path`` with ".json" added). Raises ``OSError``."""
     side = {"sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data), "made_from": made_from}
     write_atomically(path, data)
     write_atomically(

@@ -54,33 +54,31 @@ _GRID = 4  # predictions noted with a model: at 4 x 4 cells over the plane
 
 
 def model_file(kind: Model, divisor: int) -> str:
-    """Name of a shipped model's file."""
+    """Return the name of a shipped model's file."""
     return f"surrogate_{kind.name}_n{divisor}.joblib"
 
 
 def intervals_file(kind: Model, divisor: int) -> str:
-    """Name of the file of the models behind a shipped model's intervals."""
+    """Return the name of the file of the models behind a shipped model's intervals."""
     return f"intervals_{kind.name}_n{divisor}.joblib"
 
 
 def cache_name(m: StabilityMap, kind: Model, divisor: int, seed: int) -> str:
-    """Name of a model's file in the cache: one for each map and design, so that maps do not drive
-    each other out.
-    """
+    """Return the name of a model's file in the cache; each map and design has its own."""
     place = hashlib.sha256(f"{map_hash(m)} {design_hash(m.design)}".encode()).hexdigest()[:16]
     return f"{kind.name}_n{divisor}_seed{seed}_{place}.joblib"
 
 
 def dump(fitted: object, compress: int | tuple[str, int] = ("xz", 6)) -> bytes:
-    """Fitted estimators as the bytes of a joblib file; the same training gives the same bytes."""
+    """Return fitted estimators as a joblib file; the same training gives the same bytes."""
     buffer = io.BytesIO()
     joblib.dump(fitted, buffer, compress=compress)
     return buffer.getvalue()
 
 
 def plain(surrogate: Surrogate) -> BaseEstimator:
-    """A trained model as scikit-learn's own estimators alone: a file of it opens wherever the code
-    of this project stands.
+    """Return the scikit-learn estimator in a trained model: its file does not depend on where the
+    code of this project stands.
     """
     return surrogate.estimator.trees_ if surrogate.model.theory else surrogate.estimator
 
@@ -93,7 +91,7 @@ def _around(
     cells: int,
     converged: bool | None,
 ) -> Surrogate:
-    """The surrogate of what :func:`plain` took out."""
+    """Return the surrogate around an estimator that :func:`plain` returned."""
     estimator = fitted
     if kind.theory:
         estimator = kind.build(seed, linear_table_of(m))
@@ -102,18 +100,18 @@ def _around(
 
 
 def plain_certainty(known: Certainty) -> list[BaseEstimator]:
-    """The trained models behind intervals as scikit-learn's own estimators alone."""
+    """Return the scikit-learn estimators of the models behind intervals."""
     found = known.calibrated
     return [plain(found.surrogate), found.classifier.trees_, known.regimes.trees_]
 
 
 def describe(surrogate: Surrogate) -> dict[str, Any]:
-    """What the manifest says of a model beside its source: ``training_cells``, ``converged``."""
+    """Return ``training_cells`` and ``converged`` of a model, for its manifest entry."""
     return {"training_cells": surrogate.training_cells, "converged": surrogate.converged}
 
 
 def _noted_points(m: StabilityMap) -> tuple[np.ndarray, np.ndarray]:
-    """Bearing numbers and rotor masses (16,) of cells spread evenly over a map."""
+    """Return bearing numbers and rotor masses (16,) of cells spread evenly over a map."""
     axes = [
         a[[(2 * k + 1) * len(a) // (2 * _GRID) for k in range(_GRID)]]
         for a in (m.bearing_number, m.rotor_mass)
@@ -123,8 +121,8 @@ def _noted_points(m: StabilityMap) -> tuple[np.ndarray, np.ndarray]:
 
 
 def predictions(m: StabilityMap, trained: Surrogate | Certainty) -> dict[str, Any]:
-    """What is noted with a model to compare with once it is opened: ``predictions`` at 4 x 4 cells
-    over the plane.
+    """Return ``predictions`` at 4 x 4 cells over the plane, to be noted with a model and compared
+    when it is opened.
 
     Exponents per revolution; of the models behind intervals lower bounds, upper ones, and the
     probabilities of instability and of each regime."""
@@ -147,7 +145,7 @@ _UNPICKLING = threading.Lock()  # warnings are caught for the whole process
 
 
 def _unpickle(name: str, data: bytes, retrain: str) -> Any:
-    """The content of checked bytes.
+    """Unpickle bytes that were checked.
 
     Raises :class:`ArtifactError` for what cannot be opened, or only with a warning.
     """
@@ -192,7 +190,7 @@ def _check_predictions(
 
 
 def _noted(name: str, noted: object, wanted: dict[str, Any], retrain: str) -> dict[str, Any]:
-    """What is noted of a file, if it was made from what is wanted.
+    """Return the manifest or side entry of a file, if it was made from what is wanted.
 
     Raises :class:`ArtifactError`.
     """
@@ -211,7 +209,7 @@ def _noted(name: str, noted: object, wanted: dict[str, Any], retrain: str) -> di
 def load_shipped_model(
     m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, folder: Path = ARTIFACTS
 ) -> Surrogate:
-    """A shipped model after everything about it is checked; ``seconds`` of training are nan.
+    """Check and open a shipped model; its ``seconds`` of training are nan.
 
     Raises
     ------
@@ -242,8 +240,8 @@ def load_shipped_model(
 def load_shipped_certainty(
     m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, folder: Path = ARTIFACTS
 ) -> Certainty:
-    """The shipped models behind a model's intervals, checked as :func:`load_shipped_model` and
-    calibrated.
+    """Check and open the shipped models behind a model's intervals, as :func:`load_shipped_model`,
+    and calibrate them.
 
     Raises
     ------
@@ -283,7 +281,7 @@ def load_shipped_certainty(
 def load_kept_model(
     m: StabilityMap, kind: Model, divisor: int, seed: int = SEED
 ) -> Surrogate | None:
-    """A model that this user trained before, checked; None where there is none.
+    """Check and open a model that this user trained before; None where there is none.
 
     Raises
     ------
@@ -304,7 +302,10 @@ def load_kept_model(
 
 
 def keep_model(m: StabilityMap, surrogate: Surrogate, divisor: int) -> Path:
-    """Keep a trained model in the cache; its path there. Raises :class:`model_cache.CacheError`."""
+    """Keep a trained model in the cache and return its path.
+
+    Raises :class:`model_cache.CacheError`.
+    """
     kind, seed = surrogate.model, surrogate.seed
     model_cache.cache_folder()  # before a forest is compressed in vain
     noted = model_source(m, kind, divisor, seed) | describe(surrogate) | predictions(m, surrogate)

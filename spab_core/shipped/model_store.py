@@ -47,8 +47,8 @@ DEFAULT = ("theory-trees", 8)  # model and fraction n/8 that pages begin with
 def train_on_map(
     m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, progress: Progress | None = None
 ) -> PredictedMap:
-    """``surrogates.predict_map``, the same to the bit however many cores there are, telling
-    progress.
+    """Train on a map and predict it, as ``surrogates.predict_map``; the bits do not depend on the
+    number of cores.
 
     Parameters
     ----------
@@ -67,8 +67,8 @@ def train_on_map(
 
 
 def _with_plain_dtypes(m: StabilityMap) -> StabilityMap:
-    """The same map; arrays that came from another process have dtype objects of their own, which
-    pickle as other bytes.
+    """Return the map with numpy's own dtype objects: those of arrays from another process pickle
+    as other bytes.
     """
     axes = {"bearing_number": np.float64, "rotor_mass": np.float64}
     return dataclasses.replace(
@@ -80,7 +80,7 @@ _told: set[str] = set()
 
 
 def _once(error: ArtifactError) -> list[str]:
-    """The sentence, if this process has not told it yet."""
+    """Return the error's sentence in a list, empty where this process has told it before."""
     text = str(error)
     new = [] if text in _told else [text]
     _told.add(text)
@@ -115,7 +115,7 @@ def find_model(
     folder: Path | None = ARTIFACTS,
     progress: Progress | None = None,
 ) -> ModelWithOrigin:
-    """A trained model: the shipped one, else one kept on this machine, else trained now and kept.
+    """Return the shipped model, else the one kept on this machine, else train and keep one.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def find_or_train(
     folder: Path | None,
     progress: Progress | None,
 ) -> tuple[ModelWithOrigin, PredictedMap | None]:
-    """The model, and the map that was predicted where it had to be trained."""
+    """Return the model, and the predicted map too where the model had to be trained."""
     notes = []
     if folder is not None and seed == SEED and is_shipped(model_file(kind, divisor), folder):
         try:
@@ -169,8 +169,8 @@ def find_or_train(
 
 
 def predict_with(m: StabilityMap, surrogate: Surrogate, divisor: int) -> PredictedMap:
-    """The map that a model trained before predicts, as ``surrogates.predict_map`` has it from one
-    trained now.
+    """Predict a map with a model trained before; the result is that of
+    ``surrogates.predict_map``.
     """
     index, inputs, mle = solved_cells(m)
     predicted, trained = np.full(m.mle.size, np.nan), np.zeros(m.mle.size, bool)
@@ -200,8 +200,7 @@ def is_shipped(name: str, folder: Path) -> bool:
 def find_certainty(
     m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, *, folder: Path | None = ARTIFACTS
 ) -> tuple[Certainty, tuple[str, ...]]:
-    """What says how sure a model is at any point: the shipped models behind its intervals, else
-    trained now.
+    """Return the models behind a model's intervals: the shipped ones, else trained now.
 
     Parameters
     ----------
@@ -228,7 +227,7 @@ def find_certainty(
 def shipped_certainty(
     m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, folder: Path | None = ARTIFACTS
 ) -> tuple[Certainty | None, tuple[str, ...]]:
-    """As :func:`find_certainty`, None where nothing that is shipped serves."""
+    """Return as :func:`find_certainty`, but None where no shipped models can be used."""
     if folder is not None and seed == SEED and is_shipped(intervals_file(kind, divisor), folder):
         try:
             return load_shipped_certainty(m, kind, divisor, seed, folder), ()

@@ -37,8 +37,8 @@ _MAPS_JSON = {"metadata": ("divisors", "models", "masks")}  # of the file of pre
 
 
 class ModelOnDemand(RegressorMixin, BaseEstimator):
-    """Stands for the model of a shipped predicted map: found by :func:`find_model` when first asked
-    to predict.
+    """Regressor of a shipped predicted map, found or trained by :func:`find_model` at its first
+    prediction.
     """
 
     def __init__(self, m: StabilityMap, kind: Model, divisor: int, seed: int, folder: Path):
@@ -75,7 +75,7 @@ class ServedMap(PredictedMap):
 def load_shipped_map(
     m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, folder: Path = ARTIFACTS
 ) -> ServedMap:
-    """A shipped predicted map; nothing is unpickled, so the libraries' versions do not matter.
+    """Load a shipped predicted map; nothing is unpickled, so library versions do not matter.
 
     The seconds are those that benchmarks/surrogates.py measured, nan where it did not.
 
@@ -137,9 +137,7 @@ def load_shipped_map(
 
 
 def measured_seconds(kind: Model, divisor: int, folder: Path = ARTIFACTS) -> tuple[float, float]:
-    """Seconds of training and of predicting the map as the benchmark measured them; nan where it
-    did not.
-    """
+    """Return the benchmark's seconds of training and of predicting the map; nan where it has none."""
     try:
         table = pd.read_csv(io.BytesIO(checked_bytes(SECONDS, folder)))
         row = table[(table["model"] == kind.name) & (table["divisor"] == divisor)].iloc[0]
@@ -157,7 +155,7 @@ def find_map(
     folder: Path = ARTIFACTS,
     progress: Progress | None = None,
 ) -> ServedMap:
-    """A predicted map: the shipped one, else what the model of :func:`find_model` predicts.
+    """Return the shipped predicted map, else predict it with the model of :func:`find_model`.
 
     Parameters and errors are those of :func:`find_model`.
     """
@@ -177,7 +175,7 @@ def find_map(
 
 
 def prediction_npz(m: StabilityMap, predicted: PredictedMap) -> bytes:
-    """A predicted map as an NPZ file: ``bearing_number``, ``rotor_mass`` in kg, ``mle`` per
+    """Return a predicted map as an NPZ file: ``bearing_number``, ``rotor_mass`` in kg, ``mle`` per
     revolution, ``trained``.
     """
     return npz_bytes(

@@ -40,8 +40,8 @@ INTERVALS_RECIPE = (*RECIPE, classifier, uncertainty)
 
 @functools.cache
 def versions() -> dict[str, str]:
-    """What a model is made with, noted with it: Python's version without its last number, the
-    libraries' in full.
+    """Return the versions noted with a model: Python's without the last number, the libraries' in
+    full.
     """
     return {"python": ".".join(platform.python_version_tuple()[:2])} | {
         name: importlib.metadata.version(name) for name in LIBRARIES
@@ -53,12 +53,12 @@ def _meaning(name: str, version: object) -> str:
 
 
 def design_hash(design: Design) -> str:
-    """SHA-256 of a design's values."""
+    """Return the SHA-256 of a design's values."""
     return hashlib.sha256(json.dumps(design.to_dict(), sort_keys=True).encode()).hexdigest()
 
 
 def map_hash(m: StabilityMap) -> str:
-    """SHA-256 of a map's axes and cells; its metadata (date, versions) left out."""
+    """Return the SHA-256 of a map's axes and cells, without its metadata (date, versions)."""
     digest = hashlib.sha256()
     for name, dtype in {"bearing_number": np.float64, "rotor_mass": np.float64, **FIELDS}.items():
         array = np.ascontiguousarray(getattr(m, name), dtype)
@@ -67,21 +67,21 @@ def map_hash(m: StabilityMap) -> str:
 
 
 def mask_hash(trained: np.ndarray) -> str:
-    """SHA-256 of a mask of training cells."""
+    """Return the SHA-256 of a mask of training cells."""
     return hashlib.sha256(np.packbits(trained).tobytes()).hexdigest()
 
 
 @functools.cache
 def recipe_hash(modules: tuple[ModuleType, ...] = RECIPE) -> str:
-    """Hash of modules' code, wherever they stand and however they are laid out
+    """Return the hash of modules' code, which does not depend on layout or place
     (:mod:`spab_core.common.source_hash`).
     """
     return source_hash(Path(str(module.__file__)).read_bytes() for module in modules)
 
 
 def made_from(m: StabilityMap) -> dict[str, Any]:
-    """What anything computed from a map with surrogates comes from: ``versions``, ``recipe``,
-    ``design``, ``map``.
+    """Return what results of surrogates on a map depend on: ``versions``, ``recipe``, ``design``,
+    ``map``.
     """
     return {
         "versions": versions(),
@@ -102,8 +102,7 @@ def intervals_source(m: StabilityMap, kind: Model, divisor: int, seed: int) -> d
 
 
 def difference(noted: object, wanted: dict[str, Any]) -> str | None:
-    """What, of all that ``wanted`` names, is otherwise in ``noted``: one clause for a sentence, or
-    None.
+    """Return the first difference of ``noted`` from ``wanted`` as a clause of a sentence, or None.
 
     Of versions only the numbers of :data:`MEANING` count.
 

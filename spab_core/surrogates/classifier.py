@@ -58,7 +58,7 @@ class RegimeTrees(ClassifierMixin, BaseEstimator):
         return self.with_trees(trees.fit(self._inputs(X), y))
 
     def with_trees(self, trees: ExtraTreesClassifier) -> RegimeTrees:
-        """Take the trees of another one that was fitted, ``trees_``."""
+        """Use fitted ``trees``, such as the ``trees_`` of another instance; returns itself."""
         self.trees_, self.classes_ = trees, np.array(REGIMES)
         return self
 
@@ -160,8 +160,7 @@ def predict_regimes(
 def regimes_by_threshold(
     predicted_mle: np.ndarray, solved_mle: np.ndarray, solved_regime: np.ndarray
 ) -> np.ndarray:
-    """Regimes that predicted exponents say, by the two thresholds that part the training cells
-    best.
+    """Classify predicted exponents by the two thresholds that best separate the training cells.
 
     Parameters
     ----------

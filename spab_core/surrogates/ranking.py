@@ -169,7 +169,7 @@ def suggestion(ranked: pd.DataFrame) -> str:
 
 
 def error_by_regime(m: StabilityMap, predicted: PredictedMap) -> pd.DataFrame:
-    """Where the error lives: held-out cells by the regime that the solver found, and those beside
+    """Errors of held-out cells by the regime that the solver found, and of those beside
     another regime.
 
     Returns

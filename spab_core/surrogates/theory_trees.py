@@ -1,5 +1,4 @@
-"""A regressor that starts from linear theory: it learns what it leaves of the exponent, from the
-cells that were solved.
+"""A regressor that learns the difference between the exponent and linear theory from solved cells.
 
 Where the rotor is strongly damped (small bearing number) the linear decay rate is the exponent but
 for a few percent; where it whirls linear theory says nothing but that, and the exponent is near 0.
@@ -26,8 +25,8 @@ def baseline(features: np.ndarray) -> np.ndarray:
 
 
 class TheoryTrees(RegressorMixin, BaseEstimator):
-    """Extra trees on bearing number, rotor mass, M and linear theory, for what linear theory
-    leaves.
+    """Extra trees on bearing number, rotor mass, M and linear theory; their target is the exponent
+    minus that of linear theory.
 
     Parameters
     ----------
@@ -49,8 +48,8 @@ class TheoryTrees(RegressorMixin, BaseEstimator):
         return X[:, 0], features, baseline(features)
 
     def remainder(self, X: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the trees learn from X (n, 2), bearing number and rotor mass in kg, and
-        exponents y (n,): their inputs (n, 6) and targets (n,).
+        """Return inputs (n, 6) and targets (n,) of the trees for X (n, 2), bearing number and rotor
+        mass in kg, and exponents y (n,).
         """
         number, features, linear = self._prepare(X)
         return features, (y - linear) * number

@@ -175,7 +175,7 @@ def calibrate(
 
 @dataclass(frozen=True)
 class Certainty:
-    """What says at any point of a map's plane how sure a surrogate is.
+    """Models that give regime, interval and probability at any point of a map's plane.
 
     Attributes
     ----------
@@ -195,7 +195,7 @@ def certainty(
     seed: int = 0,
     trained: tuple[Surrogate, RegimeTrees, RegimeTrees] | None = None,
 ) -> Certainty:
-    """What :func:`uncertain_map` asks, without predicting the whole map.
+    """Train and calibrate what :func:`uncertain_map` needs, without predicting the whole map.
 
     Parameters
     ----------
@@ -338,7 +338,7 @@ _SCHEMA = Schema(
 
 
 def save_intervals(found: MapIntervals, path: str | Path) -> None:
-    """Write the intervals of a map as NPZ, atomically."""
+    """Write the intervals of a map as an NPZ file, atomically."""
     write_atomically(
         path,
         npz_bytes(
