@@ -44,7 +44,7 @@ from spab_core.shipped.model_files import (
     plain_certainty,
     predictions,
 )
-from spab_core.shipped.model_store import DEFAULT, train_on_map
+from spab_core.shipped.model_store import DEFAULT, train_on_map, training_cells
 from spab_core.shipped.provenance import (
     difference,
     intervals_source,
@@ -288,7 +288,7 @@ def _maps_bytes(
         "design": source["design"],
         "map": source["map"],
         "models": {name: [row.description for row in group] for name, group in rows.items()},
-        "masks": [_drawn(m, divisor) for divisor in divisors],
+        "masks": [mask_hash(training_cells(m, divisor, SEED)) for divisor in divisors],
         "mle_unit": "per revolution, natural logarithm",
         "dimensions": ["divisor", "bearing_number", "rotor_mass"],
     }
@@ -335,13 +335,6 @@ def _tables(models: Sequence[Model]) -> list[tuple[str, list[Model], dict[str, A
 
 def _is_model(name: str) -> bool:
     return name.endswith(".joblib")
-
-
-def _drawn(m: StabilityMap, divisor: int) -> str:
-    solved = np.flatnonzero(np.isfinite(m.mle))
-    trained = np.zeros(m.mle.size, bool)
-    trained[solved[training_mask(len(solved), divisor, SEED)]] = True
-    return mask_hash(trained)
 
 
 def check_intervals(m: StabilityMap, kind: Model, divisor: int, folder: Path) -> None:

@@ -206,6 +206,20 @@ def _noted(name: str, noted: object, wanted: dict[str, Any], retrain: str) -> di
     return noted
 
 
+def _open_shipped(
+    name: str, what: str, wanted: dict[str, Any], retrain: str, folder: Path
+) -> tuple[Any, dict[str, Any]]:
+    """Return what a shipped file holds and its manifest entry, all of it checked beforehand.
+
+    Raises :class:`ArtifactError`.
+    """
+    if name not in read_manifest(folder):
+        raise ArtifactError(f"{what} not shipped; {retrain}")
+    data = checked_bytes(name, folder)
+    noted = _noted(name, read_manifest(folder)[name].get("made_from"), wanted, retrain)
+    return _unpickle(name, data, retrain), noted
+
+
 def load_shipped_model(
     m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, folder: Path = ARTIFACTS
 ) -> Surrogate:
@@ -218,20 +232,12 @@ def load_shipped_model(
         another design or from another map, or does not predict what was noted with it; says how to
         train it again.
     """
-    name = model_file(kind, divisor)
+    name, what = model_file(kind, divisor), f"{kind.label} trained on n/{divisor} is"
     retrain = (
         f"`spab train --model {kind.name} --divisor {divisor}` trains it again on this machine"
     )
-    if name not in read_manifest(folder):
-        raise ArtifactError(f"{kind.label} trained on n/{divisor} is not shipped; {retrain}")
-    data = checked_bytes(name, folder)
-    noted = _noted(
-        name,
-        read_manifest(folder)[name].get("made_from"),
-        model_source(m, kind, divisor, seed),
-        retrain,
-    )
-    fitted = _unpickle(name, data, retrain)
+    wanted = model_source(m, kind, divisor, seed)
+    fitted, noted = _open_shipped(name, what, wanted, retrain, folder)
     found = _around(fitted, m, kind, seed, noted["training_cells"], noted.get("converged"))
     _check_predictions(name, m, noted, found, retrain)
     return found
@@ -248,28 +254,14 @@ def load_shipped_certainty(
     ArtifactError
     """
     name, retrain = intervals_file(kind, divisor), "they are trained again on this machine"
-    if name not in read_manifest(folder):
-        raise ArtifactError(
-            f"the intervals of {kind.label} trained on n/{divisor} are not shipped; {retrain}"
-        )
-    data = checked_bytes(name, folder)
-    noted = _noted(
-        name,
-        read_manifest(folder)[name].get("made_from"),
-        intervals_source(m, kind, divisor, seed),
-        retrain,
-    )
-    fitted = _unpickle(name, data, retrain)
+    what = f"the intervals of {kind.label} trained on n/{divisor} are"
+    wanted = intervals_source(m, kind, divisor, seed)
+    fitted, noted = _open_shipped(name, what, wanted, retrain, folder)
     try:
         inner, *trees = fitted
         first, last = (RegimeTrees(linear_table_of(m), seed).with_trees(forest) for forest in trees)
-        found = certainty(
-            m,
-            kind,
-            divisor,
-            seed,
-            (_around(inner, m, kind, seed, noted["training_cells"], None), first, last),
-        )
+        surrogate = _around(inner, m, kind, seed, noted["training_cells"], None)
+        found = certainty(m, kind, divisor, seed, (surrogate, first, last))
     except Exception as error:
         raise ArtifactError(
             f"{name} cannot be used ({type(error).__name__}: {str(error)[:100]}); {retrain}"

@@ -168,13 +168,19 @@ def find_or_train(
     return ModelWithOrigin(predicted.surrogate, "trained", tuple(dict.fromkeys(notes))), predicted
 
 
+def training_cells(m: StabilityMap, divisor: int, seed: int) -> np.ndarray:
+    """Return which cells of a map (B, M) a model is trained on."""
+    trained: np.ndarray = np.isfinite(m.mle)
+    trained[trained] = training_mask(int(trained.sum()), divisor, seed)
+    return trained
+
+
 def predict_with(m: StabilityMap, surrogate: Surrogate, divisor: int) -> PredictedMap:
     """Predict a map with a model trained before; the result is that of
     ``surrogates.predict_map``.
     """
-    index, inputs, mle = solved_cells(m)
-    predicted, trained = np.full(m.mle.size, np.nan), np.zeros(m.mle.size, bool)
-    trained[index[training_mask(len(mle), divisor, surrogate.seed)]] = True
+    index, inputs, _ = solved_cells(m)
+    predicted = np.full(m.mle.size, np.nan)
     began = time.perf_counter()
     with threadpool_limits(1):
         predicted[index] = surrogate.estimator.predict(inputs)
@@ -184,7 +190,7 @@ def predict_with(m: StabilityMap, surrogate: Surrogate, divisor: int) -> Predict
         divisor,
         surrogate.seed,
         predicted.reshape(m.shape),
-        trained.reshape(m.shape),
+        training_cells(m, divisor, surrogate.seed),
         surrogate,
         seconds,
     )

@@ -22,15 +22,19 @@ from spab_core.shipped.manifest import (
     checked_bytes,
 )
 from spab_core.shipped.model_files import SEED
-from spab_core.shipped.model_store import find_model, find_or_train, is_shipped, predict_with
+from spab_core.shipped.model_store import (
+    find_model,
+    find_or_train,
+    is_shipped,
+    predict_with,
+    training_cells,
+)
 from spab_core.shipped.provenance import design_hash, difference, map_hash, mask_hash
 from spab_core.surrogates.models import (
     Model,
     PredictedMap,
     Progress,
     Surrogate,
-    solved_cells,
-    training_mask,
 )
 
 _MAPS_JSON = {"metadata": ("divisors", "models", "masks")}  # of the file of predicted maps
@@ -111,9 +115,7 @@ def load_shipped_map(
         cells, converged = int(about["training_cells"]), about["converged"]
         if not np.array_equal(np.isfinite(mle), np.isfinite(m.mle)):
             raise ValueError("it has no value where the map has one, or one where it has none")
-    index, _, values = solved_cells(m)
-    trained = np.zeros(m.mle.size, bool)
-    trained[index[training_mask(len(values), divisor, seed)]] = True
+    trained = training_cells(m, divisor, seed)
     if mask_hash(trained) != expected_mask:
         raise ArtifactError(
             f"the predicted maps of {PREDICTIONS} are not shown: this version of numpy draws "
@@ -129,7 +131,7 @@ def load_shipped_map(
         divisor,
         seed,
         mle,
-        trained.reshape(m.shape),
+        trained,
         surrogate,
         predict_seconds,
         origin="shipped",
