@@ -165,7 +165,7 @@ def quick_map(
         rotor_mass,
         settings,
         parts=parts,
-        plan={"quick": seed},
+        plan={"refine_quick": seed},
         workers=workers,
         cluster=cluster,
         progress=tick,

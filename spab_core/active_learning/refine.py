@@ -19,14 +19,14 @@ import numpy as np
 import pandas as pd
 
 from spab_core.active_learning.committee import LABELS, Prediction, plane_inputs, predict_plane
-from spab_core.active_learning.oracles import Oracle, unsolved_values
 from spab_core.common.errors import InputError
 from spab_core.common.files import write_atomically
 from spab_core.common.npz import UNREADABLE, npz_bytes, open_npz
 from spab_core.common.validation import check_number
 from spab_core.design.model import Design
 from spab_core.linear_theory.linear_table import LinearTable
-from spab_core.maps.stability_map import FIELDS, MapError, check_axes, check_plane
+from spab_core.maps.compute import CellSolver
+from spab_core.maps.stability_map import FIELDS, MapError, check_axes, check_plane, unsolved
 
 MIN_START = 16  # cells
 START = 256  # the coarse start is 1/START of the plane, but no more than a quarter of the budget
@@ -219,7 +219,7 @@ Watch = Callable[[np.ndarray, Prediction], None]
 def refine(
     bearing_number: np.ndarray,
     rotor_mass: np.ndarray,
-    oracle: Oracle,
+    oracle: CellSolver,
     budget: int,
     seed: int = 0,
     *,
@@ -290,7 +290,7 @@ def refine(
     inputs = plane_inputs(bearing_number, rotor_mass, table)
     if share is None:
         share = EXPONENT_SHARE if table is None else THEORY_SHARE
-    values = {name: unsolved_values(dtype, count) for name, dtype in FIELDS.items()}
+    values = {name: unsolved(dtype, count) for name, dtype in FIELDS.items()}
     batch_of = np.full(count, -1, np.int16)
     cells, batch, goals = choose_start(shape, first, seed, may), 0, _solved_after_batches(first)
     while True:

@@ -21,7 +21,7 @@ from spab_core.cli.jobs import kept_when_stopped
 from spab_core.common.files import check_output
 from spab_core.common.validation import check_number
 from spab_core.design.model import Design
-from spab_core.maps.checkpoints import remove_parts
+from spab_core.maps.checkpoints import remove_checkpoint
 from spab_core.maps.stability_map import save_map
 from spab_core.trajectory.compiling import is_compiled
 
@@ -91,7 +91,7 @@ def design_map(args, design: Design) -> dict:
             publish=lambda found: save_refinement(found, args.out),
         )
         save_refinement(result, args.out)
-    remove_parts(parts)
+    remove_checkpoint(parts)
     filled, solved = as_map(result), int(result.solved.sum())
     if args.map_out is not None:
         save_map(filled, args.map_out)

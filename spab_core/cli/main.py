@@ -36,7 +36,7 @@ from spab_core.maps.bifurcation import (
     compute_bifurcation,
     save_bifurcation,
 )
-from spab_core.maps.checkpoints import open_run, remove_parts
+from spab_core.maps.checkpoints import Checkpoint, remove_checkpoint, run_plan
 from spab_core.maps.compute import compute_map
 from spab_core.maps.stability_map import axis, check_plane, save_map
 from spab_core.solver.film import DEFAULT_MESH, SCHEMES, parse_mesh
@@ -296,7 +296,7 @@ def _map(args) -> dict:
     settings, design = _settings(args), _design(args)
     check_output(args.out, "--out")
     parts = Path(f"{args.out}.parts")
-    open_run(parts, design, bearing_number, rotor_mass, settings)
+    Checkpoint(parts, run_plan(design, bearing_number, rotor_mass, settings), {}).open()
     _say_compiling()
     with (
         tqdm(total=cells, unit="cell", smoothing=0.05) as bar,
@@ -313,7 +313,7 @@ def _map(args) -> dict:
             progress=bar.update,
         )
         save_map(result, args.out)
-    remove_parts(parts)
+    remove_checkpoint(parts)
     names, counts = _count(result)
     if not args.json:
         print(f"{args.out}: " + ", ".join(f"{n} {c}" for n, c in zip(names, counts, strict=True)))
@@ -350,7 +350,7 @@ def _bifurcation(args) -> dict:
             progress=bar.update,
         )
         save_bifurcation(result, args.out)
-    remove_parts(parts)
+    remove_checkpoint(parts)
     intervals = {
         name: chaotic_intervals(values, branch.regime) for name, branch in result.branches.items()
     }

@@ -19,7 +19,7 @@ from spab_core.common.files import check_output
 from spab_core.common.validation import check_number
 from spab_core.design.model import Design
 from spab_core.linear_theory.linear_table import PLANE, LinearTable, shipped_table, table_for
-from spab_core.maps.checkpoints import remove_parts
+from spab_core.maps.checkpoints import remove_checkpoint
 from spab_core.maps.stability_map import axis, check_plane, load_map
 from spab_core.trajectory.provenance import map_metadata
 
@@ -165,7 +165,7 @@ def _solve(args, design, settings, say_compiling) -> dict:
             rotor_mass,
             how,
             parts=parts,
-            plan={"seed": args.seed, "start": start},
+            plan={"refine_seed": args.seed, "refine_start": start},
             workers=args.workers,
             cluster=args.dask,
             progress=bar.update,
@@ -183,7 +183,7 @@ def _solve(args, design, settings, say_compiling) -> dict:
             metadata=metadata,
         )
         save_refinement(result, args.out)
-    remove_parts(parts)
+    remove_checkpoint(parts)
     return _answer(args, result, {})
 
 

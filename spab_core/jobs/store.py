@@ -35,7 +35,7 @@ from spab_core.common import private_folders as private_folder
 from spab_core.common.errors import InputError
 from spab_core.common.files import patiently, write_atomically
 from spab_core.jobs.kinds import KINDS
-from spab_core.maps.checkpoints import remove_parts, remove_temporaries
+from spab_core.maps.checkpoints import remove_checkpoint, remove_temporaries
 from spab_core.solver.cache import solver_hash
 
 VARIABLE = "SPAB_JOBS"
@@ -583,7 +583,7 @@ def _work(folder: Path) -> int:
             ):  # else it was stopped between its result and its end
                 kind.run(folder, data["parameters"], report.advance, report.set_total)
         report.end("done")
-        remove_parts(folder / "parts")  # now that nobody needs them to go on
+        remove_checkpoint(folder / "parts")  # now that nobody needs them to go on
         return 0
     except InputError as error:
         report.end("failed", str(error))

@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Iterator
+from concurrent import futures
 
 import joblib
+from joblib.externals.loky import ProcessPoolExecutor
 
 from spab_core.common.errors import InputError
 from spab_core.common.processes import end_with_parent
@@ -43,3 +45,30 @@ def cluster_or_processes(workers: int, cluster: str | None = None) -> Iterator[j
             ) from None
         stack.enter_context(joblib.parallel_config(backend="dask", client=client))
         yield joblib.Parallel(n_jobs=-1, **options)
+
+
+class _Here(futures.Executor):
+    """Run what is submitted at once, in this process."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        future: futures.Future = futures.Future()
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+@contextlib.contextmanager
+def executor(workers: int) -> Iterator[futures.Executor]:
+    """Start worker processes, which are killed if the block raises; 1: this process."""
+    if workers == 1:
+        yield _Here()
+        return
+    compile_once()
+    processes = ProcessPoolExecutor(
+        max_workers=workers, initializer=end_with_parent, initargs=(os.getpid(),)
+    )
+    done = False
+    try:
+        yield processes
+        done = True
+    finally:
+        processes.shutdown(wait=done, kill_workers=not done)

@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +30,12 @@ FIELDS: dict[str, type | str] = {  # dtype of each cell array, in the file's ord
     "status": "<U16",
     "revolutions": np.int32,
 }
+
+
+def unsolved(dtype: Any, shape: int | tuple[int, ...]) -> np.ndarray:
+    """Return an array of a dtype filled with what stands for "not solved": nan, "" or 0."""
+    kind = np.dtype(dtype).kind
+    return np.full(shape, np.nan if kind == "f" else "" if kind == "U" else 0, dtype)
 
 
 class MapError(InputError):

@@ -15,7 +15,7 @@ import pytest
 from spab_core import Settings
 from spab_core.cli.main import main
 from spab_core.common.errors import InputError
-from spab_core.maps.checkpoints import open_run
+from spab_core.maps.checkpoints import Checkpoint, run_plan
 from spab_core.maps.compute import compute_map
 from spab_core.maps.stability_map import FIELDS, MapError
 
@@ -103,7 +103,7 @@ def test_a_cluster_that_does_not_answer_is_a_sentence(capsys, tmp_path, monkeypa
 
 
 def test_two_runs_do_not_share_their_parts(design, tmp_path):
-    open_run(tmp_path / "parts", design, NUMBERS, MASSES, SHORT)
+    Checkpoint(tmp_path / "parts", run_plan(design, NUMBERS, MASSES, SHORT), {}).open()
     with (
         filelock.FileLock(tmp_path / "parts" / "lock"),
         pytest.raises(MapError, match="another run is at work"),

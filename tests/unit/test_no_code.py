@@ -25,9 +25,9 @@ from spab_core.common.npz import UNREADABLE, open_npz
 from spab_core.design.model import read_design_bytes
 from spab_core.jobs import store as jobs
 from spab_core.maps.bifurcation import load_bifurcation
-from spab_core.maps.checkpoints import read_part
+from spab_core.maps.checkpoints import Checkpoint
 from spab_core.maps.sensitivity import load_sensitivity
-from spab_core.maps.stability_map import FIELDS, load_map, map_bytes
+from spab_core.maps.stability_map import FIELDS, load_map, map_bytes, unsolved
 from spab_core.shipped import model_cache
 from spab_core.shipped.manifest import (
     ArtifactError,
@@ -124,7 +124,7 @@ def test_no_loader_of_files_unpickles(marker, tmp_path, how):
         load_samples,
         load_sensitivity,
         lambda p: load_intervals(p, m),
-        lambda p: read_part(p, FIELDS, FIELDS, 1, "run"),
+        Checkpoint(None, {}, {name: unsolved(dtype, 1) for name, dtype in FIELDS.items()}).load,
     ):
         with pytest.raises(InputError):
             load(path)

@@ -424,7 +424,7 @@ def test_files_that_are_no_refinement_are_refused(tmp_path, change):
         load_refinement(tmp_path / "y.npz")
 
 
-PLAN = {"seed": 3, "start": MIN_START}
+PLAN = {"refine_seed": 3, "refine_start": MIN_START}
 
 
 def solve_live(design, parts, budget=30, progress=None, workers=1, plan=PLAN, settings=SHORT):
@@ -499,7 +499,7 @@ def test_parts_of_another_run_are_refused(design, tmp_path):
     parts = tmp_path / "parts"
     solve_live(design, parts, budget=16)
     for kwargs, word in (
-        ({"plan": PLAN | {"seed": 4}}, "refine_seed"),
+        ({"plan": PLAN | {"refine_seed": 4}}, "refine_seed"),
         ({"settings": dataclasses.replace(SHORT, revolutions=31)}, "settings"),
     ):
         with pytest.raises(MapError, match=f"different: {word}"):
