@@ -399,7 +399,7 @@ def targets(folder):
     from spab_core.maps import bifurcation
     from spab_core.maps.checkpoints import Checkpoint, run_plan
     from spab_core.maps.margin import margin
-    from spab_core.maps.sensitivity import Margin, load_sensitivity
+    from spab_core.maps.sensitivity import MachineMargin, load_sensitivity
     from spab_core.maps.stability_map import FIELDS, StabilityMap, load_map, map_bytes, unsolved
     from spab_core.reporting.export import map_table
     from spab_core.shipped import manifest as artifacts
@@ -594,7 +594,7 @@ def targets(folder):
     )
     with checkpoint.resume():
         checkpoint.save("0", np.arange(4), chunk)
-    base = Margin("speed", True, 9000.0, 8000.0, float("nan"), 4500.0, 18000.0)
+    base = MachineMargin("speed", True, 9000.0, 8000.0, float("nan"), 4500.0, 18000.0)
     rows = {
         "value": ["clearance"],
         "factor": [0.9],

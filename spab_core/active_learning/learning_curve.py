@@ -6,12 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from spab_core.active_learning.committee import (
-    Prediction,
     exponent_scores,
     plane_inputs,
     predict_plane,
@@ -97,7 +97,7 @@ def learning_curve(
     return pd.DataFrame(rows)
 
 
-def _one_seed(m: StabilityMap, seed: int, names: Sequence[str]) -> Iterator[tuple]:
+def _one_seed(m: StabilityMap, seed: int, names: Sequence[str]) -> Iterator[tuple[Any, ...]]:
     count = m.mle.size
     sizes = {divisor: count // START * (START // divisor) for divisor in DIVISORS}
     rng = np.random.default_rng([seed, 2])
@@ -110,14 +110,8 @@ def _one_seed(m: StabilityMap, seed: int, names: Sequence[str]) -> Iterator[tupl
         ("unsolved", np.ones(count, bool), DIVISORS),
         ("withheld", ~withheld, WITHHELD_DIVISORS),
     ):
-        found: dict[int, dict] = {}
-
-        def watch(solved: np.ndarray, prediction: Prediction, judged=judged, found=found) -> None:
-            found[int(solved.sum())] = scores(
-                m, prediction, withheld if judged == "withheld" else ~solved
-            )
-
-        refine(
+        found = {}
+        for r in refine(
             m.bearing_number,
             m.rotor_mass,
             map_oracle(m),
@@ -125,8 +119,10 @@ def _one_seed(m: StabilityMap, seed: int, names: Sequence[str]) -> Iterator[tupl
             seed,
             allowed=allowed.reshape(m.shape),
             table=table,
-            watch=watch,
-        )
+        ):
+            solved = r.solved.ravel()
+            cells = withheld if judged == "withheld" else ~solved
+            found[int(solved.sum())] = scores(m, r.mle, r.regime, cells)
         for divisor in divisors:
             yield (
                 "refine",
@@ -150,7 +146,7 @@ def _one_seed(m: StabilityMap, seed: int, names: Sequence[str]) -> Iterator[tupl
                 divisor,
                 sizes[divisor],
                 seed,
-                *scores(m, prediction, cells).values(),
+                *scores(m, prediction.mle, prediction.regime, cells).values(),
             )
         for name in names:  # on the last draw, the largest
             yield (
@@ -166,7 +162,7 @@ def _one_seed(m: StabilityMap, seed: int, names: Sequence[str]) -> Iterator[tupl
 
 def _model_scores(
     m: StabilityMap, name: str, solved: np.ndarray, cells: np.ndarray, seed: int
-) -> tuple:
+) -> tuple[Any, ...]:
     number, mass = (
         np.repeat(m.bearing_number, len(m.rotor_mass)),
         np.tile(m.rotor_mass, len(m.bearing_number)),

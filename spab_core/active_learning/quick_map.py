@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 
@@ -14,7 +14,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from spab_core.active_learning.oracles import CHUNK, live_oracle
-from spab_core.active_learning.refine import MAX_PLANE, MIN_START, Refinement, refine
+from spab_core.active_learning.refine import MAX_PLANE, MIN_START, Refinement, batch_goals, refine
 from spab_core.common.errors import InputError
 from spab_core.common.validation import check_number
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
@@ -107,8 +107,7 @@ def quick_map(
     workers: int = 1,
     cluster: str | None = None,
     progress: Callable[[float], None] | None = None,
-    publish: Callable[[Refinement], None] | None = None,
-) -> Refinement:
+) -> Iterator[Refinement]:
     """Solve as many cells as the time allows, where regimes are most in doubt, and predict the
     rest.
 
@@ -133,12 +132,11 @@ def quick_map(
         Address of a Dask scheduler to solve there instead.
     progress : callable
         Called with the seconds gone since the last call.
-    publish : callable
-        Called with the result so far: after the coarse plane, and after each batch.
 
-    Returns
-    -------
+    Yields
+    ------
     Refinement
+        The result so far: after the coarse plane, and after each batch.
 
     Raises
     ------
@@ -171,32 +169,31 @@ def quick_map(
         progress=tick,
     ) as oracle:
         run = partial(
-            refine,
-            bearing_number,
-            rotor_mass,
-            oracle,
-            seed=seed,
-            share=SHARE,
-            metadata=metadata,
-            publish=publish,
+            refine, bearing_number, rotor_mass, oracle, seed=seed, share=SHARE, metadata=metadata
         )
-        first = run(coarse, start=coarse)
+        yield from run(coarse, goals=[coarse])
         table = _table(design, bearing_number, rotor_mass)
         tick()
-        solved_at, solved, pace = time.perf_counter(), 0, 0.0
+        if time.perf_counter() - began <= seconds:
+            start = max(coarse, min(count // 256, count // 4))
+            goals = _goals_in_time(batch_goals(start, count), began + (1 - _KEPT_BACK) * seconds)
+            yield from run(count, table=table, goals=goals)
 
-        def allowance(done: int) -> int:
-            nonlocal solved_at, solved, pace
-            now = time.perf_counter()
-            pace, solved_at, solved = (done - solved) / max(now - solved_at, 1e-3), now, done
-            left = began + (1.0 - _KEPT_BACK) * seconds - now
-            most = int(pace * left)
-            return most if most >= CHUNK else 0
 
-        if time.perf_counter() - began > seconds:
-            return first
-        start = max(coarse, min(count // 256, count // 4))
-        return run(count, start=start, table=table, allowance=allowance)
+def _goals_in_time(goals: Iterable[int], end: float) -> Iterator[int]:
+    """Yield goals, each no further than the pace of the batch before allows until ``end``, a
+    reading of ``time.perf_counter``; stop where that is less than a chunk.
+    """
+    solved, batch, since = 0, 0, 0.0
+    for goal in goals:
+        now = time.perf_counter()
+        if solved:
+            most = int(batch / max(now - since, 1e-3) * (end - now))
+            if most < CHUNK:
+                return
+            goal = min(goal, solved + most)
+        batch, solved, since = goal - solved, goal, now
+        yield goal
 
 
 def as_map(r: Refinement) -> StabilityMap:

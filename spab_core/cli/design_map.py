@@ -77,7 +77,7 @@ def design_map(args, design: Design) -> dict:
         ) as bar,
         kept_when_stopped(bar, parts, "solved cells"),
     ):
-        result = quick_map(
+        for result in quick_map(
             design,
             bearing_number,
             rotor_mass,
@@ -88,9 +88,8 @@ def design_map(args, design: Design) -> dict:
             workers=args.workers,
             cluster=cluster,
             progress=bar.update,
-            publish=lambda found: save_refinement(found, args.out),
-        )
-        save_refinement(result, args.out)
+        ):
+            save_refinement(result, args.out)
     remove_checkpoint(parts)
     filled, solved = as_map(result), int(result.solved.sum())
     if args.map_out is not None:

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from spab_core.active_learning.committee import LABELS, Prediction, scores
+from spab_core.active_learning.committee import LABELS, scores
 from spab_core.active_learning.oracles import live_oracle, map_oracle
-from spab_core.active_learning.refine import Refinement, check_budget, refine, save_refinement
+from spab_core.active_learning.refine import Refinement, check_budget, last, refine, save_refinement
 from spab_core.cli.jobs import kept_when_stopped
 from spab_core.common.errors import InputError
 from spab_core.common.files import check_output
@@ -101,28 +101,22 @@ def _study(args, unused) -> dict:
         )
     m = load_map(args.map)
     check_budget(m.mle.size, args.budget, args.seed)
-    last: list[Prediction] = []
-
-    def watch(solved: np.ndarray, prediction: Prediction) -> None:
-        last[:] = [prediction]
-        bar.update(int(solved.sum()) - bar.n)
-
     table = _table(m.design, m.bearing_number, m.rotor_mass)
     with tqdm(total=args.budget, unit="cell", smoothing=0.05) as bar:
-        result = refine(
+        for result in refine(
             m.bearing_number,
             m.rotor_mass,
             map_oracle(m),
             args.budget,
             args.seed,
             table=table,
-            watch=watch,
             metadata=m.metadata | {"study": True},
-        )
+        ):
+            bar.update(int(result.solved.sum()) - bar.n)
     save_refinement(result, args.out)
     found = {
         name: value if np.isfinite(value) else None
-        for name, value in scores(m, last[0], ~result.solved.ravel()).items()
+        for name, value in scores(m, result.mle, result.regime, ~result.solved.ravel()).items()
     }
     return _answer(args, result, {f"{name}_held_out": value for name, value in found.items()})
 
@@ -173,14 +167,16 @@ def _solve(args, design, settings, say_compiling) -> dict:
     ):
         say_compiling()
         table = _table(chosen, bearing_number, rotor_mass)
-        result = refine(
-            bearing_number,
-            rotor_mass,
-            oracle,
-            args.budget,
-            args.seed,
-            table=table,
-            metadata=metadata,
+        result = last(
+            refine(
+                bearing_number,
+                rotor_mass,
+                oracle,
+                args.budget,
+                args.seed,
+                table=table,
+                metadata=metadata,
+            )
         )
         save_refinement(result, args.out)
     remove_checkpoint(parts)

@@ -317,7 +317,7 @@ def _run_map(folder: Path, parameters: dict, advance: Advance, set_total: SetTot
         advance(int(gone) - before)
 
     number, mass = check_quick_map(parameters["bearing_number"], parameters["rotor_mass"], seconds)
-    result = quick_map(
+    for result in quick_map(
         Design.from_dict(parameters["design"]),
         number,
         mass,
@@ -328,9 +328,8 @@ def _run_map(folder: Path, parameters: dict, advance: Advance, set_total: SetTot
         workers=min(2, os.cpu_count() or 1),
         cluster=parameters["dask"] or None,
         progress=progress,
-        publish=lambda r: save_refinement(r, folder / "result.npz"),
-    )
-    save_refinement(result, folder / "result.npz")
+    ):
+        save_refinement(result, folder / "result.npz")
 
 
 def _check_intervals(parameters: dict) -> dict:

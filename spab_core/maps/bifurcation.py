@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent import futures
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -86,7 +86,7 @@ class Bifurcation:
     at: float
     values: np.ndarray
     branches: dict[str, Branch]
-    metadata: dict
+    metadata: dict[str, Any]
 
 
 def _point_at(vary: str, at: float, value: float) -> tuple[float, float]:
@@ -112,7 +112,7 @@ def check_line(vary: str, at: float, values: np.ndarray, sweeps: Sequence[str]) 
         check_point(*_point_at(vary, at, float(value)))
 
 
-def _row(point: OperatingPoint) -> dict:
+def _row(point: OperatingPoint) -> dict[str, Any]:
     section = point.trajectory.section[-SECTION_POINTS:, :4]
     kept = np.full((SECTION_POINTS, 4), np.nan, np.float32)
     if point.regime and len(section):
@@ -239,25 +239,12 @@ def compute_bifurcation(
     )
     arrays = {name: unsolved(dtype, len(ordered) * len(values)) for name, dtype in _COLUMNS.items()}
     arrays["section"] = np.full((len(ordered) * len(values), SECTION_POINTS, 4), np.nan, np.float32)
-    with Checkpoint(parts, plan, arrays).resume() as checkpoint, executor(workers) as processes:
+    with Checkpoint(parts, plan, arrays).resume() as checkpoint:
         if progress:
             progress(int(checkpoint.solved.sum()))
-        waiting = [name for name, c in chunks.items() if checkpoint.missing(c.cells).size]
-        running: dict[futures.Future[tuple[Chunk, np.ndarray]], str] = {}
-        while waiting or running:
-            for name in _ready(waiting, chunks, checkpoint, workers - len(running)):
-                waiting.remove(name)
-                chunk = chunks[name]
-                start = checkpoint.states[chunk.after] if chunk.after else np.empty(0)
-                future = processes.submit(
-                    _solve_chunk, design, chunk.points, settings, chunk.carry, start
-                )
-                running[future] = name
-            for future in futures.wait(running, return_when=futures.FIRST_COMPLETED).done:
-                name = running.pop(future)
-                checkpoint.save(name, chunks[name].cells, *future.result())
-                if progress:
-                    progress(len(chunks[name].cells))
+        for cells in _solve(design, settings, chunks, checkpoint, workers):
+            if progress:
+                progress(len(cells))
     branches = {}
     for sweep in SWEEPS:
         if sweep in ordered:
@@ -270,12 +257,37 @@ def compute_bifurcation(
     )
 
 
-def _ready(
-    waiting: list[str], chunks: dict[str, _Chunk], checkpoint: Checkpoint, most: int
-) -> list[str]:
-    """Return the first ``most`` names of waiting chunks whose starting state is known."""
-    ready = (n for n in waiting if (after := chunks[n].after) is None or after in checkpoint.states)
-    return list(itertools.islice(ready, most))
+def _solve(
+    design: Design,
+    settings: Settings,
+    chunks: dict[str, _Chunk],
+    checkpoint: Checkpoint,
+    workers: int,
+) -> Iterator[np.ndarray]:
+    """Solve and save the missing chunks, each when its starting state is known; yield the cells of
+    each.
+    """
+    waiting = [name for name, c in chunks.items() if checkpoint.missing(c.cells).size]
+    running: dict[futures.Future[tuple[Chunk, np.ndarray]], str] = {}
+    with executor(workers) as processes:
+        while waiting or running:
+            ready = (
+                n
+                for n in waiting
+                if chunks[n].after is None or chunks[n].after in checkpoint.states
+            )
+            for name in list(itertools.islice(ready, workers - len(running))):
+                waiting.remove(name)
+                chunk = chunks[name]
+                start = checkpoint.states[chunk.after] if chunk.after else np.empty(0)
+                future = processes.submit(
+                    _solve_chunk, design, chunk.points, settings, chunk.carry, start
+                )
+                running[future] = name
+            for future in futures.wait(running, return_when=futures.FIRST_COMPLETED).done:
+                name = running.pop(future)
+                checkpoint.save(name, chunks[name].cells, *future.result())
+                yield chunks[name].cells
 
 
 def chaotic_intervals(values: np.ndarray, regime: np.ndarray) -> list[tuple[float, float]]:

@@ -152,7 +152,8 @@ class Checkpoint:
 
     def missing(self, cells: np.ndarray) -> np.ndarray:
         """Return those of ``cells`` (k,) that are not solved."""
-        return cells[~self.solved[cells]]
+        missing: np.ndarray = cells[~self.solved[cells]]
+        return missing
 
     def save(
         self, name: str, cells: np.ndarray, values: Chunk, state: np.ndarray | None = None

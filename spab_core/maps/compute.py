@@ -29,7 +29,7 @@ _COSTS: dict[str, type] = {"seconds": np.float64, "steps": np.int64}  # of each 
 CellSolver = Callable[[np.ndarray], Chunk]
 
 
-def cell_values(point: OperatingPoint) -> dict:
+def cell_values(point: OperatingPoint) -> dict[str, Any]:
     """Return a solved point as the values of a map's cell, by the names of ``FIELDS``."""
     mle, regime, trajectory = point.mle, point.regime, point.trajectory
     return {

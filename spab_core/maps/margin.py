@@ -8,7 +8,9 @@ not periodic, failed cells among it."""
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -151,7 +153,7 @@ class Margin:
         """Shaft speed of the point."""
         return self.bearing_number * self.rpm_per_number
 
-    def record(self) -> dict:
+    def record(self) -> dict[str, Any]:
         """Plain values: the keys of ``spab margin --json``."""
         return asdict(self) | {
             "speed_rpm": self.speed_rpm,
@@ -300,7 +302,9 @@ def _words(m: StabilityMap, row: int, column: int) -> str:
     return Regime(name, int(m.period[row, column])).text if name else str(m.status[row, column])
 
 
-def _along(other, k, axis, point, words) -> tuple[Border | None, Border | None]:
+def _along(
+    other: np.ndarray, k: int, axis: np.ndarray, point: float, words: Callable[[int], str]
+) -> tuple[Border | None, Border | None]:
     """Borders below and above index k to the first cells where ``other`` is true."""
     found: list[Border | None] = []
     for cells, step in (
@@ -320,7 +324,14 @@ def _along(other, k, axis, point, words) -> tuple[Border | None, Border | None]:
     return found[0], found[1]
 
 
-def _nearest(m, other, numbers, masses, rotor_mass, bearing_number) -> Nearest | None:
+def _nearest(
+    m: StabilityMap,
+    other: np.ndarray,
+    numbers: np.ndarray,
+    masses: np.ndarray,
+    rotor_mass: float,
+    bearing_number: float,
+) -> Nearest | None:
     """The point of the boxes of the cells in ``other`` that is reached by the smallest relative
     change.
     """
@@ -400,7 +411,8 @@ def critical_masses(table: LinearTable, bearing_number: float) -> np.ndarray:
     mass = table.rotor_mass
     rate = table.at(np.full(len(mass), bearing_number), mass)[:, 0]
     k = np.flatnonzero((rate[:-1] < 0.0) != (rate[1:] < 0.0))
-    return mass[k] + np.diff(mass)[k] * rate[k] / (rate[k] - rate[k + 1])
+    zeros: np.ndarray = mass[k] + np.diff(mass)[k] * rate[k] / (rate[k] - rate[k + 1])
+    return zeros
 
 
 def against_linear(m: StabilityMap, table: LinearTable) -> LinearDisagreement:

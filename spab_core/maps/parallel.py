@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent import futures
+from typing import ParamSpec, TypeVar
 
 import joblib
 from joblib.externals.loky import ProcessPoolExecutor
@@ -14,6 +15,8 @@ from spab_core.common.errors import InputError
 from spab_core.common.processes import end_with_parent
 from spab_core.trajectory.compiling import compile_once
 
+P = ParamSpec("P")
+T = TypeVar("T")
 CLUSTER_SECONDS = 20  # for a scheduler to answer and for its first worker
 
 
@@ -50,8 +53,8 @@ def cluster_or_processes(workers: int, cluster: str | None = None) -> Iterator[j
 class _Here(futures.Executor):
     """Run what is submitted at once, in this process."""
 
-    def submit(self, fn, /, *args, **kwargs):
-        future: futures.Future = futures.Future()
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> futures.Future[T]:
+        future: futures.Future[T] = futures.Future()
         future.set_result(fn(*args, **kwargs))
         return future
 

@@ -17,7 +17,8 @@ from spab_core.common.npz import UNREADABLE, npz_bytes, open_npz
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
 from spab_core.solver.stepping import STATUS
-from spab_core.trajectory.regimes import MAX_PERIOD, REGIMES, Regime
+from spab_core.trajectory.periodic_orbit import MAX_PERIOD
+from spab_core.trajectory.regimes import REGIMES, Regime
 
 MAX_CELLS = 2_000_000
 FIELDS: dict[str, type | str] = {  # dtype of each cell array, in the file's order
@@ -76,7 +77,7 @@ class StabilityMap:
     max_eccentricity: np.ndarray
     status: np.ndarray
     revolutions: np.ndarray
-    metadata: dict = field(default_factory=dict)
+    metadata: dict[str, Any] = field(default_factory=dict)
 
     @property
     def shape(self) -> tuple[int, int]:
