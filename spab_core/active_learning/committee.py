@@ -31,7 +31,7 @@ LABELS = (*REGIMES, "")  # "": the run fails, no exponent
 
 @dataclass(frozen=True)
 class Prediction:
-    """What the committee says of every cell of a plane.
+    """Prediction of every cell of a plane by the committee.
 
     Attributes
     ----------
@@ -59,8 +59,8 @@ class Prediction:
 
     @property
     def impurity(self) -> Floats:
-        """Gini impurity of the regime, (n,): the rate of wrong labels if they were drawn by their
-        probabilities.
+        """Gini impurity of the regime, (n,): the expected rate of wrong labels if they were drawn
+        by their probabilities.
         """
         impurity: Floats = 1.0 - np.square(self.probability).sum(1)
         return impurity
@@ -68,7 +68,7 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Inputs:
-    """What the committee sees of the cells of a plane, in the order of ``mle.ravel()``.
+    """Inputs of the committee for the cells of a plane, in the order of ``mle.ravel()``.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Inputs:
 def plane_inputs(
     bearing_number: np.ndarray, rotor_mass: np.ndarray, table: LinearTable | None = None
 ) -> Inputs:
-    """What the committee sees of the cells of a plane.
+    """Return the inputs of the committee for the cells of a plane.
 
     Trees cut along axes, but borders, the periodic windows within chaos and other narrow bands run
     along curves near which m Λ^p is constant, with a p that differs from band to band; p = 2 is the
@@ -185,7 +185,7 @@ def scores(
 
 
 def exponent_scores(m: StabilityMap, predicted: np.ndarray, cells: np.ndarray) -> dict[str, float]:
-    """``rmse``, ``mae`` and, at bearing numbers from :data:`DAMPED` on, ``rmse_undamped``.
+    """Return ``rmse``, ``mae`` and, over bearing numbers from :data:`DAMPED` on, ``rmse_undamped``.
 
     Per revolution, over those of ``cells`` (n,) that have an exponent; ``predicted`` (n,). nan
     where there are none."""

@@ -56,7 +56,7 @@ def learning_curve(
     models: Sequence[str] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> pd.DataFrame:
-    """Errors of refining and of random draws of the same numbers of cells.
+    """Compare the errors of refining with those of the same numbers of cells drawn at random.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def _model_scores(
 
 
 def load_learning_curve(path: Path = LEARNING_CURVE) -> pd.DataFrame:
-    """The rows that ``python benchmarks/learning_curve.py`` wrote.
+    """Read the rows that ``python benchmarks/learning_curve.py`` wrote.
 
     Raises :class:`InputError` where they cannot be read.
     """
@@ -205,8 +205,8 @@ def load_learning_curve(path: Path = LEARNING_CURVE) -> pd.DataFrame:
 
 
 def summary(rows: pd.DataFrame, judged: str = "unsolved") -> pd.DataFrame:
-    """Mean and standard deviation (n - 1) over the seeds of each metric, indexed by strategy, model
-    and divisor.
+    """Return mean and standard deviation (n - 1) over the seeds of each metric, indexed by
+    strategy, model and divisor.
     """
     chosen = rows[rows["judged"] == judged]
     grouped = chosen.groupby(["strategy", "model", "divisor"], sort=False)[list(METRICS)]
@@ -214,8 +214,8 @@ def summary(rows: pd.DataFrame, judged: str = "unsolved") -> pd.DataFrame:
 
 
 def goal(rows: pd.DataFrame, judged: str = "unsolved") -> pd.DataFrame:
-    """The goal of refining: n/16 refined at least as good as n/4 drawn at random, by ``rmse`` and
-    ``chaos_f1``.
+    """Judge the goal of refining: n/16 cells refined at least as good as n/4 drawn at random, by
+    ``rmse`` and ``chaos_f1``.
 
     Returns
     -------

@@ -33,8 +33,8 @@ _KEPT_BACK = 0.05  # of the time, for the last prediction and the file
 
 
 def usual_plane(design: Design) -> tuple[str, str]:
-    """Axes for a design, start:stop:count: bearing numbers 0.05 to 8.5, and rotor masses of the
-    loads of the reference map.
+    """Return axes for a design, start:stop:count: bearing numbers 0.05 to 8.5, and rotor masses of
+    the loads of the reference map.
 
     Returns
     -------
@@ -53,7 +53,7 @@ def usual_plane(design: Design) -> tuple[str, str]:
 def check_quick_map(
     bearing_number: str, rotor_mass: str, seconds: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The axes of a quick map. Raises ``InputError`` for a plane or a time out of range."""
+    """Return the axes of a quick map; raise ``InputError`` for a plane or a time out of range."""
     number, mass = axis(bearing_number, "bearing number"), axis(rotor_mass, "rotor mass")
     for name, values, limits in (
         ("bearing number", number, BEARING_NUMBER_RANGE),
@@ -67,7 +67,7 @@ def check_quick_map(
 
 
 def check_cluster(address: str) -> str:
-    """The address of a Dask scheduler, "" for none. Raises ``InputError`` for anything else."""
+    """Return the address of a Dask scheduler, "" for none; raise ``InputError`` for anything else."""
     if not isinstance(address, str) or not re.fullmatch(
         r"((tcp|tls|ws|wss)://[\w.:\[\]-]{1,200}:\d{1,5})?", address
     ):
@@ -79,7 +79,9 @@ def check_cluster(address: str) -> str:
 
 
 def _table(design: Design, number: np.ndarray, mass: np.ndarray) -> LinearTable | None:
-    """What linear theory knows of the plane; None where the design has no static equilibrium."""
+    """Return the table of linear theory over the plane; None where the design has no static
+    equilibrium.
+    """
     if len(number) < 2 or len(mass) < 2:
         return None
     shipped = shipped_table()
@@ -197,8 +199,8 @@ def _goals_in_time(goals: Iterable[int], end: float) -> Iterator[int]:
 
 
 def as_map(r: Refinement) -> StabilityMap:
-    """Solved cells as they are, the others as predicted, as one map for margins and figures;
-    ``r.solved`` tells them apart.
+    """Return solved cells as they are and the others as predicted, as one map for margins and
+    figures; ``r.solved`` tells them apart.
 
     A predicted cell has the committee's deviation as its standard error, the period and the contact
     of the nearest solved cell of its regime, and no revolutions; where a run is predicted to fail,

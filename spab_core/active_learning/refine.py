@@ -48,7 +48,7 @@ SUGGESTIONS = 24  # cells named to be solved next
 
 
 def choose_start(shape: tuple[int, int], count: int, seed: int, allowed: np.ndarray) -> np.ndarray:
-    """Space-filling cells: flat indices (count,) among ``allowed`` (n,), from an additive
+    """Return space-filling cells, flat indices (count,) among ``allowed`` (n,), from an additive
     recurrence with a random offset.
 
     The steps are powers of the plastic number's inverse: points k times them, modulo 1, fill a
@@ -74,8 +74,8 @@ def choose_next(
     batch: int,
     share: float = EXPONENT_SHARE,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Draw a batch: first by the variance of the exponent, then by the impurity of the regime,
-    never two neighbours.
+    """Choose a batch at random: first weighted by the variance of the exponent, then by the
+    impurity of the regime, never two neighbours.
 
     Parameters
     ----------
@@ -87,16 +87,16 @@ def choose_next(
     size : int
         At most the number of free cells.
     seed, batch : int
-        Of the random draw.
+        Seed of the random numbers: two batches have others.
     share : float
-        Of the batch, drawn by the variance of the exponent.
+        Share of the batch that is chosen by the variance of the exponent.
 
     Returns
     -------
     cells : ndarray of int, (size,)
         Flat indices.
     for_regime : ndarray of bool, (size,)
-        Whether a cell was drawn for its regime rather than for its exponent.
+        Whether a cell was chosen for its regime rather than for its exponent.
     """
     rng = np.random.default_rng([seed, 1, batch])
     rows, columns = shape
@@ -172,7 +172,7 @@ class Refinement:
         return self.batch >= 0
 
     def suggestions(self) -> pd.DataFrame:
-        """The cells to solve next, one row each, in the order of their choice."""
+        """Return the cells to solve next, one row each, in the order of their choice."""
         row, column = np.unravel_index(self.suggested, self.batch.shape)
         speed = Design.from_dict(self.metadata["design"]).speed_rpm(1.0)
         return pd.DataFrame(
@@ -190,7 +190,7 @@ class Refinement:
 
 
 def check_budget(cells: int, budget: int, seed: int) -> int:
-    """Size of the coarse start of a run.
+    """Return the size of the coarse start of a run.
 
     Raises :class:`InputError` for a plane, budget or seed out of range.
     """

@@ -90,7 +90,7 @@ class Bifurcation:
 
 
 def _point_at(vary: str, at: float, value: float) -> tuple[float, float]:
-    """(rotor mass, bearing number)."""
+    """Return (rotor mass, bearing number) of a value of the line."""
     return (value, at) if vary == "rotor-mass" else (at, value)
 
 
@@ -291,7 +291,8 @@ def _solve(
 
 
 def chaotic_intervals(values: np.ndarray, regime: np.ndarray) -> list[tuple[float, float]]:
-    """Intervals of a line whose points are chaotic, first and last chaotic value of each.
+    """Return the intervals of a line whose points are chaotic: first and last chaotic value of
+    each.
 
     Parameters
     ----------
@@ -307,8 +308,8 @@ def chaotic_intervals(values: np.ndarray, regime: np.ndarray) -> list[tuple[floa
 
 
 def interval_table(line: Bifurcation, sweeps: Sequence[str]) -> pd.DataFrame:
-    """Chaotic intervals of a line: ``sweep``, ``first`` and ``last`` chaotic value, over bearing
-    numbers both in rpm too.
+    """Return the chaotic intervals of a line: ``sweep``, ``first`` and ``last`` chaotic value; over
+    bearing numbers in rpm too.
     """
     rows = [
         (name, *ends)
@@ -327,7 +328,7 @@ def interval_table(line: Bifurcation, sweeps: Sequence[str]) -> pd.DataFrame:
 
 
 def line_table(line: Bifurcation) -> pd.DataFrame:
-    """A line as one row a sweep and point: where it is, exponent, regime and so on."""
+    """Return a line as a table, one row a sweep and point: where it is, exponent, regime and so on."""
     speed = Design.from_dict(line.metadata["design"]).speed_rpm(1.0)
     mass, number = (line.values, line.at) if line.vary == "rotor-mass" else (line.at, line.values)
     return pd.concat(
@@ -349,9 +350,7 @@ def line_table(line: Bifurcation) -> pd.DataFrame:
 
 
 def line_of_map(m: StabilityMap, vary: str, at: float) -> Bifurcation:
-    """The row or column of a map nearest to a line, as a cold sweep whose section is not known
-    (nan).
-    """
+    """Return the row or column of a map nearest to a line, as a cold sweep without a section (nan)."""
     row, column = m.nearest(at, at)
     cells, at, values = (
         ((row, slice(None)), m.bearing_number[row], m.rotor_mass)

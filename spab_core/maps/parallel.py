@@ -22,7 +22,7 @@ CLUSTER_SECONDS = 20  # for a scheduler to answer and for its first worker
 
 @contextlib.contextmanager
 def cluster_or_processes(workers: int, cluster: str | None = None) -> Iterator[joblib.Parallel]:
-    """joblib's worker processes, or those of a Dask cluster."""
+    """Yield joblib's worker processes, or those of a Dask cluster."""
     options = {"return_as": "generator_unordered", "pre_dispatch": "2*n_jobs"}
     if cluster is None:
         compile_once()  # before several would at once

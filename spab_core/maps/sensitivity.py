@@ -96,7 +96,7 @@ class MachineMargin:
 def is_stable(
     design: Design, rotor_mass: float, speed_rpm: float, settings: Settings = SETTINGS
 ) -> bool:
-    """Whether the motion from the cold start is periodic; ``rotor_mass`` in kg."""
+    """Return whether the motion from the cold start is periodic; ``rotor_mass`` in kg."""
     regime = solve_point(design, rotor_mass, _number(design, speed_rpm), settings).regime
     return regime is not None and regime.name == "periodic"
 
@@ -187,7 +187,8 @@ def _border(stable: Callable[[float], bool], here: bool, at: float, end: float, 
 
 
 def variations(design: Design, step: float = STEP) -> list[tuple[str, float, Design]]:
-    """The designs with one value lower and higher by ``step``: (name of the value, factor, design).
+    """Return the designs with one value lower and higher by ``step``: (name of the value, factor,
+    design).
 
     Values that are nought or infinite (no unbalance, a rigid shaft), and designs out of range, are
     left out."""
@@ -217,8 +218,8 @@ def sensitivity(
     workers: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> tuple[MachineMargin, pd.DataFrame]:
-    """How the margin of a machine moves with each value of its drawing: the numbers of a tornado
-    chart.
+    """Return how the margin of a machine moves with each value of its design: the numbers of a
+    tornado chart.
 
     Parameters
     ----------
@@ -327,7 +328,7 @@ def load_sensitivity(path: Path) -> tuple[MachineMargin, pd.DataFrame]:
 
 
 def regime_intervals(values: np.ndarray, regime: Sequence[str]) -> pd.DataFrame:
-    """What a line of operating points crosses: one row for each run of equal regimes.
+    """Return what a line of operating points crosses: one row for each run of equal regimes.
 
     Parameters
     ----------

@@ -17,8 +17,7 @@ from spab_core.common.npz import UNREADABLE, npz_bytes, open_npz
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
 from spab_core.solver.stepping import STATUS
-from spab_core.trajectory.periodic_orbit import MAX_PERIOD
-from spab_core.trajectory.regimes import REGIMES, Regime
+from spab_core.trajectory.regimes import MAX_PERIOD, REGIMES, Regime
 
 MAX_CELLS = 2_000_000
 FIELDS: dict[str, type | str] = {  # dtype of each cell array, in the file's order
@@ -90,14 +89,14 @@ class StabilityMap:
         return Design.from_dict(self.metadata["design"])
 
     def nearest(self, rotor_mass: float, bearing_number: float) -> tuple[int, int]:
-        """Indices (bearing number, rotor mass) of the nearest cell."""
+        """Return the indices (bearing number, rotor mass) of the nearest cell."""
         return (
             int(np.abs(self.bearing_number - bearing_number).argmin()),
             int(np.abs(self.rotor_mass - rotor_mass).argmin()),
         )
 
     def cell_text(self, row: int, column: int) -> str:
-        """A cell in words: regime with period and exponent, or the status of a failed run."""
+        """Describe a cell in words: regime with period and exponent, or the status of a failed run."""
         if not self.regime[row, column]:
             return f"no exponent ({self.status[row, column]})"
         name = Regime(str(self.regime[row, column]), int(self.period[row, column])).text
@@ -133,7 +132,7 @@ def axis(text: str, name: str) -> np.ndarray:
 
 
 def check_plane(bearing_number: np.ndarray, rotor_mass: np.ndarray) -> int:
-    """Number of cells of a plane.
+    """Return the number of cells of a plane.
 
     Raises :class:`InputError` where there are too many or one is out of range.
     """
