@@ -124,40 +124,19 @@ def _one_seed(m: StabilityMap, seed: int, names: Sequence[str]) -> Iterator[tupl
             cells = withheld if judged == "withheld" else ~solved
             found[int(solved.sum())] = scores(m, r.mle, r.regime, cells)
         for divisor in divisors:
-            yield (
-                "refine",
-                COMMITTEE,
-                judged,
-                divisor,
-                sizes[divisor],
-                seed,
-                *found[sizes[divisor]].values(),
-            )
+            size = sizes[divisor]
+            yield "refine", COMMITTEE, judged, divisor, size, seed, *found[size].values()
         drawn = order[allowed[order]]
         for divisor in DIVISORS:
-            solved = np.zeros(count, bool)
-            solved[drawn[: sizes[divisor]]] = True
+            size, solved = sizes[divisor], np.zeros(count, bool)
+            solved[drawn[:size]] = True
             cells = withheld if judged == "withheld" else ~solved
             prediction = predict_plane(inputs, solved, m.mle.ravel(), m.regime.ravel(), seed)
-            yield (
-                "random",
-                COMMITTEE,
-                judged,
-                divisor,
-                sizes[divisor],
-                seed,
-                *scores(m, prediction.mle, prediction.regime, cells).values(),
-            )
-        for name in names:  # on the last draw, the largest
-            yield (
-                "random",
-                name,
-                judged,
-                divisor,
-                sizes[divisor],
-                seed,
-                *_model_scores(m, name, solved, cells, seed),
-            )
+            errors = scores(m, prediction.mle, prediction.regime, cells)
+            yield "random", COMMITTEE, judged, divisor, size, seed, *errors.values()
+        for name in names:  # on the largest random set, the last
+            errors_of = _model_scores(m, name, solved, cells, seed)
+            yield "random", name, judged, divisor, size, seed, *errors_of
 
 
 def _model_scores(

@@ -68,7 +68,7 @@ class Checkpoint:
         self, folder: Path | None, plan: dict[str, Any], values: dict[str, np.ndarray]
     ) -> None:
         self.folder, self.values = folder, values
-        self.solved = np.zeros(len(next(iter(values.values()))), bool) if values else np.empty(0)
+        self.solved = np.zeros(len(next(iter(values.values()), ())), bool)
         self.states: dict[str, np.ndarray] = {}
         self._plan = plan
         self._run = hashlib.sha256(json.dumps(plan, indent=1).encode()).hexdigest()
