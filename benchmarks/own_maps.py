@@ -42,7 +42,7 @@ def measure(name: str, minutes: float, cells: int) -> dict:
             number,
             mass,
             seconds=60.0 * minutes,
-            parts=Path(folder) / "parts",
+            checkpoint=Path(folder) / "parts",
             workers=WORKERS,
         ):
             first.append(time.perf_counter() - began)

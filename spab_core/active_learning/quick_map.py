@@ -105,7 +105,7 @@ def quick_map(
     *,
     seconds: float = SECONDS,
     seed: int = 0,
-    parts: Path,
+    checkpoint: Path,
     workers: int = 1,
     cluster: str | None = None,
     progress: Callable[[float], None] | None = None,
@@ -122,10 +122,10 @@ def quick_map(
     settings : Settings
         Of each solved cell.
     seconds : float
-        Wall time from now; cells found in ``parts`` cost none of it.
+        Wall time from now; cells found in ``checkpoint`` cost none of it.
     seed : int
         Of the choice of cells.
-    parts : Path
+    checkpoint : Path
         Folder of solved cells (:func:`spab_core.active_learning.oracles.live_oracle`): a run that
         was killed goes on from them.
     workers : int
@@ -164,7 +164,7 @@ def quick_map(
         bearing_number,
         rotor_mass,
         settings,
-        parts=parts,
+        checkpoint=checkpoint,
         plan={"refine_quick": seed},
         workers=workers,
         cluster=cluster,

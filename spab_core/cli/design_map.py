@@ -84,7 +84,7 @@ def design_map(args, design: Design) -> dict:
             SETTINGS,
             seconds=60.0 * args.minutes,
             seed=args.seed,
-            parts=parts,
+            checkpoint=parts,
             workers=args.workers,
             cluster=cluster,
             progress=bar.update,

@@ -309,7 +309,7 @@ def _map(args) -> dict:
             settings,
             workers=args.workers,
             cluster=args.dask,
-            parts=parts,
+            checkpoint=parts,
             progress=bar.update,
         )
         save_map(result, args.out)
@@ -346,7 +346,7 @@ def _bifurcation(args) -> dict:
             settings,
             sweeps=sweeps,
             workers=args.workers,
-            parts=parts,
+            checkpoint=parts,
             progress=bar.update,
         )
         save_bifurcation(result, args.out)

@@ -158,7 +158,7 @@ def _solve(args, design, settings, say_compiling) -> dict:
             bearing_number,
             rotor_mass,
             how,
-            parts=parts,
+            checkpoint=parts,
             plan={"refine_seed": args.seed, "refine_start": start},
             workers=args.workers,
             cluster=args.dask,

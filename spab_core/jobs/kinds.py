@@ -161,7 +161,7 @@ def _run_bifurcation(folder: Path, parameters: dict, advance: Advance, set_total
         Settings(**parameters["settings"]),
         sweeps=sweeps,
         workers=workers_for(points),
-        parts=parts,
+        checkpoint=parts,
         progress=progress,
     )
     save_bifurcation(result, folder / "result.npz")
@@ -324,7 +324,7 @@ def _run_map(folder: Path, parameters: dict, advance: Advance, set_total: SetTot
         Settings(**parameters["settings"]),
         seconds=seconds,
         seed=parameters["seed"],
-        parts=folder / "parts",
+        checkpoint=folder / "parts",
         workers=min(2, os.cpu_count() or 1),
         cluster=parameters["dask"] or None,
         progress=progress,

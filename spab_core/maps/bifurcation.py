@@ -190,7 +190,7 @@ def compute_bifurcation(
     *,
     sweeps: Sequence[str] = SWEEPS,
     workers: int = 1,
-    parts: Path | None = None,
+    checkpoint: Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Bifurcation:
     """Solve a line of operating points.
@@ -210,12 +210,12 @@ def compute_bifurcation(
         Of :data:`SWEEPS`.
     workers : int
         Processes. Sweeps up and down use one each at a time.
-    parts : Path, optional
+    checkpoint : Path, optional
         Folder of the checkpoint: a run that finds its own chunks there goes on from them, to the
         same bits.
     progress : callable
         Called with the number of points done since the last call; first with those found in
-        ``parts``, 0 too.
+        ``checkpoint``, 0 too.
 
     Returns
     -------
@@ -224,7 +224,7 @@ def compute_bifurcation(
     Raises
     ------
     InputError
-        For a line out of range, an unknown parameter or sweep, or parts of another run or in use.
+        For a line out of range, an unknown parameter or sweep, or a checkpoint of another run or in use.
     """
     settings = settings or Settings(revolutions=300)
     values = np.asarray(values, float)
@@ -239,10 +239,10 @@ def compute_bifurcation(
     )
     arrays = {name: unsolved(dtype, len(ordered) * len(values)) for name, dtype in _COLUMNS.items()}
     arrays["section"] = np.full((len(ordered) * len(values), SECTION_POINTS, 4), np.nan, np.float32)
-    with Checkpoint(parts, plan, arrays).resume() as checkpoint:
+    with Checkpoint(checkpoint, plan, arrays).resume() as run:
         if progress:
-            progress(int(checkpoint.solved.sum()))
-        for cells in _solve(design, settings, chunks, checkpoint, workers):
+            progress(int(run.solved.sum()))
+        for cells in _solve(design, settings, chunks, run, workers):
             if progress:
                 progress(len(cells))
     branches = {}

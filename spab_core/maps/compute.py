@@ -75,7 +75,7 @@ def cell_solver(
     rotor_mass: np.ndarray,
     settings: Settings,
     *,
-    parts: Path | None = None,
+    checkpoint: Path | None = None,
     plan: dict[str, Any] | None = None,
     chunk_cells: int = CHUNK_CELLS,
     workers: int = 1,
@@ -91,7 +91,7 @@ def cell_solver(
     rotor_mass : ndarray, (M,)
         kg on one bearing.
     settings : Settings
-    parts : Path, optional
+    checkpoint : Path, optional
         Folder of the checkpoint: a run that was killed goes on from it.
     plan : dict, optional
         What else must be the same to resume, such as a seed; plain values.
@@ -113,7 +113,7 @@ def cell_solver(
     Raises
     ------
     MapError
-        Where ``parts`` holds another run, is in use, or is damaged.
+        Where ``checkpoint`` holds another run, is in use, or is damaged.
     InputError
         For axes out of range, or a cluster that does not answer or runs another solver.
     """
@@ -125,11 +125,11 @@ def cell_solver(
         # an address where nobody answers is told before anything else is done
         with cluster_or_processes(workers, cluster):
             pass
-    with Checkpoint(parts, same, values).resume() as checkpoint:
-        names = (n for k in itertools.count() if (n := f"{k:06d}") not in checkpoint.states)
+    with Checkpoint(checkpoint, same, values).resume() as run:
+        names = (n for k in itertools.count() if (n := f"{k:06d}") not in run.states)
 
         def solve(cells: np.ndarray) -> Chunk:
-            missing = checkpoint.missing(cells)
+            missing = run.missing(cells)
             if progress:
                 progress(len(cells) - len(missing))
             chunks = {
@@ -142,14 +142,14 @@ def cell_solver(
             )
             if chunks:
                 # open for a call only: what trains in between must not find the cluster at hand
-                with cluster_or_processes(workers, cluster) as run:
-                    for name, found in run(jobs):
+                with cluster_or_processes(workers, cluster) as parallel:
+                    for name, found in parallel(jobs):
                         if str(found["solver"]) != solver_hash():
                             raise MapError(
                                 f"the workers of {cluster} run another version of spab's solver "
                                 "than this process: install the same version there"
                             )
-                        checkpoint.save(name, chunks[name], found)
+                        run.save(name, chunks[name], found)
                         if progress:
                             progress(len(chunks[name]))
             return {name: array[cells] for name, array in values.items()}
@@ -165,7 +165,7 @@ def compute_map(
     *,
     workers: int = 1,
     cluster: str | None = None,
-    parts: Path | None = None,
+    checkpoint: Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> StabilityMap:
     """Solve every cell of a plane from its own cold start.
@@ -182,7 +182,7 @@ def compute_map(
     cluster : str, optional
         Address of a Dask scheduler, such as ``tcp://host:8786``: its workers instead of processes
         here.
-    parts : Path, optional
+    checkpoint : Path, optional
         Folder of the checkpoint: a run that finds its own chunks there goes on from them.
     progress : callable
         Called with the number of cells done since the last call.
@@ -204,7 +204,7 @@ def compute_map(
         bearing_number,
         rotor_mass,
         settings,
-        parts=parts,
+        checkpoint=checkpoint,
         workers=workers,
         cluster=cluster,
         progress=progress,

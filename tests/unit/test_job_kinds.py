@@ -94,7 +94,7 @@ def test_a_quick_map_ends_in_time(tmp_path, design):
             values + 1.0,
             Settings(**QUICK | {"early_stop": False, "revolutions": 400}),
             seconds=8.0,
-            parts=tmp_path / "parts",
+            checkpoint=tmp_path / "parts",
         )
     )
     assert MIN_START <= found.solved.sum() < found.batch.size

@@ -71,7 +71,7 @@ def test_a_cluster_that_loses_a_worker_completes_with_the_same_bits(
             MASSES,
             SHORT,
             cluster=cluster.scheduler_address,
-            parts=tmp_path / "parts",
+            checkpoint=tmp_path / "parts",
             progress=kill_one,
         )
     assert killed
@@ -108,7 +108,7 @@ def test_two_runs_do_not_share_their_parts(design, tmp_path):
         filelock.FileLock(tmp_path / "parts" / "lock"),
         pytest.raises(MapError, match="another run is at work"),
     ):
-        compute_map(design, NUMBERS, MASSES, SHORT, parts=tmp_path / "parts")
+        compute_map(design, NUMBERS, MASSES, SHORT, checkpoint=tmp_path / "parts")
 
 
 def test_an_interrupted_run_goes_on_to_the_same_bits(design, alone, tmp_path):
@@ -121,14 +121,16 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(design, alone, tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        compute_map(design, NUMBERS, MASSES, SHORT, parts=tmp_path / "parts", progress=interrupt)
+        compute_map(
+            design, NUMBERS, MASSES, SHORT, checkpoint=tmp_path / "parts", progress=interrupt
+        )
     kept = len(list((tmp_path / "parts").glob("chunk-*.npz")))
     assert 3 <= kept < 8
     counts = []
     assert_same(
         alone,
         compute_map(
-            design, NUMBERS, MASSES, SHORT, parts=tmp_path / "parts", progress=counts.append
+            design, NUMBERS, MASSES, SHORT, checkpoint=tmp_path / "parts", progress=counts.append
         ),
     )
     assert counts[0] == 25 * kept and sum(counts) == 200

@@ -87,7 +87,9 @@ def test_on_a_cluster_the_same_cells_have_the_same_values(tmp_path, design, monk
     distributed = pytest.importorskip("distributed")
     number, mass = np.linspace(2.0, 4.0, 4), np.linspace(3.0, 9.0, 5)
     settings = Settings("2x16", transient=20, revolutions=20)
-    here = last(quick_map(design, number, mass, settings, seconds=300.0, parts=tmp_path / "here"))
+    here = last(
+        quick_map(design, number, mass, settings, seconds=300.0, checkpoint=tmp_path / "here")
+    )
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
     ) as cluster:
@@ -98,7 +100,7 @@ def test_on_a_cluster_the_same_cells_have_the_same_values(tmp_path, design, monk
                 mass,
                 settings,
                 seconds=300.0,
-                parts=tmp_path / "there",
+                checkpoint=tmp_path / "there",
                 cluster=check_cluster(cluster.scheduler_address),
             )
         )

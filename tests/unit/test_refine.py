@@ -436,7 +436,7 @@ def solve_live(design, parts, budget=30, progress=None, workers=1, plan=PLAN, se
         NUMBERS,
         MASSES,
         settings,
-        parts=parts,
+        checkpoint=parts,
         plan=plan,
         workers=workers,
         progress=progress,
