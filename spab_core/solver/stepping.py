@@ -156,11 +156,16 @@ def build_record(revolutions: int, samples: int, tangent_size: int = 0) -> Recor
     )
 
 
+# places of Memory.control: step to try next (0: seek it), steps taken, those of them rejected, last
+# accepted step (0: none) and its error over the tolerance
+NEXT_STEP, STEPS, REJECTED, LAST_STEP, LAST_ERROR = range(5)
+
+
 class Memory(NamedTuple):
-    """State, tangent and scratch of one trajectory; ``control`` is [next step, steps, rejected,
-    last step, its error].
+    """State, tangent and scratch of one trajectory.
 
     ``series`` is None for ``rodas``: its type tells the compiler which of the methods to compile.
+    ``control`` is what the step control carries on, by :data:`NEXT_STEP` to :data:`LAST_ERROR`.
     """
 
     work: Work
@@ -194,6 +199,11 @@ def build_memory(film: Film, method: str = "rodas") -> Memory:
         tangent,
         np.zeros(5),
     )
+
+
+def seek_step(memory: Memory) -> None:
+    """Have the next step sought anew, after a change of the state or of what steps must follow."""
+    memory.control[NEXT_STEP] = memory.control[LAST_STEP] = 0.0
 
 
 @inner
@@ -389,7 +399,9 @@ def advance(system, memory, options, first, revolutions, record):
         steps = 0
         while t < end:
             natural = (
-                min(control[0], options.max_step) if control[0] > 0.0 else 0.1 * options.max_step
+                min(control[NEXT_STEP], options.max_step)
+                if control[NEXT_STEP] > 0.0
+                else 0.1 * options.max_step
             )
             if options.fixed:
                 natural = options.max_step
@@ -400,28 +412,31 @@ def advance(system, memory, options, first, revolutions, record):
             h = remaining / count
             error, exponent = take_step(system, memory, t, h, options.tangent)
             steps += 1
-            control[1] += 1.0
+            control[STEPS] += 1.0
             size = error / options.tolerance
             if not math.isfinite(size):
                 factor = 0.25
             else:
                 factor = 0.9 * max(size, 1e-12) ** exponent
-                if size <= 1.0 and control[3] > 0.0 and size > 1e-3:
+                if size <= 1.0 and control[LAST_STEP] > 0.0 and size > 1e-3:
                     # Gustafsson's predictive control: where errors grow from step to step, shrink
                     # ahead of them
-                    factor = min(factor, factor * h / control[3] * (size / control[4]) ** exponent)
+                    factor = min(
+                        factor,
+                        factor * h / control[LAST_STEP] * (size / control[LAST_ERROR]) ** exponent,
+                    )
                 factor = min(4.0, max(0.2, factor))
             if not size <= 1.0 and not (options.fixed and math.isfinite(size)):
-                control[0] = h * min(factor, 0.9)
-                control[2] += 1.0
-                if control[0] < _MIN_STEP or options.fixed:
+                control[NEXT_STEP] = h * min(factor, 0.9)
+                control[REJECTED] += 1.0
+                if control[NEXT_STEP] < _MIN_STEP or options.fixed:
                     return STEP_TOO_SMALL, row
                 if steps > options.max_steps:
                     return TOO_MANY_STEPS, row
                 continue
-            control[3], control[4] = h, max(size, 1e-3)
+            control[LAST_STEP], control[LAST_ERROR] = h, max(size, 1e-3)
             # a step cut short to meet the end of the revolution does not shrink the next one
-            control[0] = h * factor if h > 0.7 * natural else max(natural, h * factor)
+            control[NEXT_STEP] = h * factor if h > 0.7 * natural else max(natural, h * factor)
             touchdown = observe(u, new, h, row, record)
             if samples > 0:
                 sample(u, new, t, h, start, options.period / samples, row, record)
@@ -512,4 +527,5 @@ __all__ = [
     "build_memory",
     "build_record",
     "rodas_step",
+    "seek_step",
 ]

@@ -1,9 +1,8 @@
 """Trajectories as they were before (``benchmarks/golden.py --write``).
 
 Numbers of periodic orbits alone: an attracting orbit forgets the last bits, in which processors and
-versions of numba differ (without fused multiply-add the values agree to 2e-12, that of a
-stiff vibration to 2e-10 of itself). Chaos and tori do
-not: of those the regime is asserted.
+versions of numba differ (without fused multiply-add the values agree to 2e-12, that of a stiff
+vibration to 2e-10 of itself). Chaos and tori do not: of those the regime is asserted.
 """
 
 import json
