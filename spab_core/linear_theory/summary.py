@@ -20,7 +20,7 @@ from spab_core.linear_theory.coefficients import (
     least_stable_whirl,
     one_thread,
 )
-from spab_core.solver.film import DEFAULT_MESH, Film, Mesh, build_film, film_array, film_fluxes
+from spab_core.solver.film import DEFAULT_MESH, Film, Mesh, film_array, film_fluxes
 
 NO_EQUILIBRIUM = "no static equilibrium: the film does not carry this rotor at this speed"
 AIR_CONSTANT, TEMPERATURE = (
@@ -232,11 +232,7 @@ def derive(
     z = impedance(design, rotor_mass, bearing_number, mesh)
     if z is None:
         return found
-    film, rest, root = (
-        build_film(design, bearing_number, mesh),
-        z.equilibrium,
-        least_stable_whirl(z),
-    )
+    film, rest, root = z.system.film, z.equilibrium, least_stable_whirl(z)
     x, y = (float(v) for v in rest.state[-8:-6])
     return dataclasses.replace(
         found,

@@ -4,6 +4,7 @@ Module               What it answers
 -------------------  ----------------------------------------
 film                 The mesh and the discretised Reynolds equation, readable
 rotor                Disc, journal, shaft and contact, readable
+system               Both at one operating point, on one mesh
 cache                Where compiled kernels are kept, one folder for each state of the sources
 simd                 Eight doubles in a register
 row_ops              Rows of the film's state in registers

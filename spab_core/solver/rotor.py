@@ -49,6 +49,11 @@ class RotorCoefficients(NamedTuple):
     damping: float
     ramp: float
 
+    @property
+    def rigid(self) -> bool:
+        """Whether the disc is the journal."""
+        return self.coupling_disc == 0.0
+
 
 def build_rotor(
     design: Design,

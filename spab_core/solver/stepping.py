@@ -373,8 +373,8 @@ def advance(system, memory, options, first, revolutions, record):
 
     Parameters
     ----------
-    system : tuple
-        (Film, RotorCoefficients), or what a bound system takes.
+    system : System
+        Or what a bound system takes.
     memory : Memory
     options : Options
     first : int

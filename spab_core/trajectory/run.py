@@ -17,10 +17,9 @@ from spab_core.common.errors import DesignError, InputError
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
 from spab_core.linear_theory.equilibrium import MAX_DENSE_CELLS
-from spab_core.linear_theory.whirl import linear_spectrum
-from spab_core.solver.film import Film, build_film
-from spab_core.solver.rotor import RAMP_REVOLUTIONS, ROTOR_STATES, RotorCoefficients, build_rotor
-from spab_core.solver.slope import slope_and_jacobian, unknown_places
+from spab_core.linear_theory.whirl import spectrum_of
+from spab_core.solver.rotor import RAMP_REVOLUTIONS, ROTOR_STATES, RotorCoefficients
+from spab_core.solver.slope import slope_and_jacobian
 from spab_core.solver.stepping import (
     DEFAULT_TOLERANCE,
     MAX_STEP,
@@ -36,6 +35,7 @@ from spab_core.solver.stepping import (
     build_record,
     seek_step,
 )
+from spab_core.solver.system import System, build_system
 from spab_core.trajectory.periodic_orbit import (
     CHECK_EVERY,
     MEMORY,
@@ -173,14 +173,13 @@ def simulate(
     """
     check_point(rotor_mass, bearing_number)
     settings = settings or Settings()
-    film = build_film(design, bearing_number, settings.mesh, settings.scheme)
-    system = (film, build_rotor(design, rotor_mass, bearing_number))
+    system = build_system(design, rotor_mass, bearing_number, settings.mesh, settings.scheme)
 
     def start_run(max_step: float) -> Run:
         return Run(design, system, settings, path_revolutions, samples, start, progress, max_step)
 
     run = start_run(MAX_STEP)
-    if _out_of_steps(design, rotor_mass, bearing_number, system[1], settings):
+    if _out_of_steps(design, system, settings):
         run.status = TOO_MANY_STEPS
         return run.pack()
     found = run.solve()
@@ -217,8 +216,7 @@ class Run:
     ----------
     design, settings, path_revolutions, samples, start, progress
         Those of :func:`simulate`.
-    system : tuple
-        Film and rotor.
+    system : System
     max_step : float
         Largest step in tau of ``rodas``.
 
@@ -258,7 +256,7 @@ class Run:
     def __init__(
         self,
         design: Design,
-        system: tuple[Film, RotorCoefficients],
+        system: System,
         settings: Settings,
         path_revolutions: int = 0,
         samples: int = 96,
@@ -269,7 +267,7 @@ class Run:
         self.began = time.perf_counter()
         self.design, self.system, self.settings = design, system, settings
         self.samples, self.progress, self.max_step = samples, progress, max_step
-        self.memory = build_memory(system[0], settings.method)
+        self.memory = build_memory(system.film, settings.method)
         self.offset = 0
         if start is not None:
             if np.shape(start) != self.memory.state.shape:
@@ -302,7 +300,7 @@ class Run:
         self.run_until_settled()
         if self._may_refine():
             self.refine_strong_rate()
-        if self._may_refine() and _may_be_swift(self.design, self.system[1]):
+        if self._may_refine() and _may_be_swift(self.design, self.system.rotor):
             self.refine_swift_mode()
         if self.kept and self.status == OK:
             self.path = self.advance(self.kept, samples=self.samples).path
@@ -394,7 +392,7 @@ class Run:
         """
         section = self.last("section", 3 * MEMORY)
         if not self.tangent:
-            ramped = (self.offset + self.done) * REVOLUTION > self.system[1].ramp
+            ramped = (self.offset + self.done) * REVOLUTION > self.system.rotor.ramp
             if ramped and is_near(section):
                 self._start_tangent()
             return
@@ -458,13 +456,12 @@ class Run:
 
     def _find_swift(self) -> Swift | None:
         """Find the least damped swift vibration along the next revolution; leave the state."""
-        film, rotor = self.system
         memory, first = self.memory, self.offset + self.done
-        places, state = unknown_places(film, self.design.rigid), memory.state.copy()
+        places, state = self.system.unknowns, memory.state.copy()
         options = Options(self.tolerance, period=REVOLUTION / PHASES)
         modes: list[complex] = []
         for k in range(PHASES):
-            mode = swift_mode(slope_and_jacobian(film, rotor, memory.state, places)[1][places])
+            mode = swift_mode(slope_and_jacobian(self.system, memory.state, places)[1][places])
             status, _ = advance(
                 self.system, memory, options, PHASES * first + k, 1, build_record(1, 0)
             )
@@ -514,17 +511,11 @@ def _may_be_swift(design: Design, rotor: RotorCoefficients) -> bool:
     return design.bearing.supply_pressure_ratio != 1.0 and _own_frequency(design, rotor) > SWIFT
 
 
-def _out_of_steps(
-    design: Design,
-    rotor_mass: float,
-    bearing_number: float,
-    rotor: RotorCoefficients,
-    settings: Settings,
-) -> bool:
+def _out_of_steps(design: Design, system: System, settings: Settings) -> bool:
     """Whether no affordable steps follow the rotor: its own vibration is too fast, or one that
     grows from rest is.
     """
-    frequency = _own_frequency(design, rotor)
+    frequency = _own_frequency(design, system.rotor)
     if frequency > FASTEST:
         return True
     if (
@@ -535,7 +526,7 @@ def _out_of_steps(
     ):
         return False
     try:
-        found = linear_spectrum(design, rotor_mass, bearing_number, settings.mesh)
+        found = spectrum_of(system.without_unbalance())
     except (InputError, np.linalg.LinAlgError):  # no rest to start from: the run will tell
         return False
     return found is not None and any(
