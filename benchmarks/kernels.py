@@ -13,9 +13,10 @@ from spab_core.design.model import reference_design
 from spab_core.solver.curvature import add_curvature, prepare_curvature
 from spab_core.solver.film import DEFAULT_MESH, build_film
 from spab_core.solver.linear_solve import linearise, solve
+from spab_core.solver.rodas import rodas_step
 from spab_core.solver.rotor import build_rotor
 from spab_core.solver.slope import slope, slope_tangent
-from spab_core.solver.stepping import Options, advance, build_memory, build_record, rodas_step
+from spab_core.solver.stepping import Options, advance, build_memory, build_record
 from spab_core.solver.system import System
 
 REPEAT, ROUNDS = 500, 9

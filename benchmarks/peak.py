@@ -19,10 +19,11 @@ from numba import njit
 from spab_core.design.model import reference_design
 from spab_core.solver.film import DEFAULT_MESH, build_film
 from spab_core.solver.linear_solve import linearise, solve
+from spab_core.solver.rodas import rodas_step
 from spab_core.solver.rotor import build_rotor
 from spab_core.solver.simd import kernel, splat, vload, vstore
 from spab_core.solver.slope import slope, slope_tangent
-from spab_core.solver.stepping import Options, advance, build_memory, build_record, rodas_step
+from spab_core.solver.stepping import Options, advance, build_memory, build_record
 from spab_core.solver.system import System
 
 ROUNDS, REPEAT, CHAINS = 15, 400, 16

@@ -281,7 +281,7 @@ def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
     if not u[n] * u[n] + u[n + 1] * u[n + 1] < 1.0:
         return math.inf
     z = series
-    new, new_v, last_term = stages[12], stages[13], stages[5]
+    new, new_v, last_term = stages.new, stages.new_tangent, stages.state[5]
     tangent = _ROWS * _K
     r, d = np.zeros((_K + 1, 8)), np.zeros((_K + 1, 8))
     c = np.zeros((2 * _K, 10))
