@@ -1,7 +1,7 @@
-"""Static equilibrium, film stiffness and the linear whirl threshold: eigenvalues of the full
-linearised system.
+"""Eigenvalues of film and rotor linearised about the static equilibrium, and the rotor masses where
+the equilibrium gains or loses stability.
 
-Everything here uses the same discrete equations as the integrator, through the compiled tangent.
+The Jacobian is that of the equations that the integrator solves, by its compiled tangent.
 """
 
 from __future__ import annotations
@@ -104,7 +104,9 @@ def whirl_thresholds(
         Empty where the stability is the same over the whole range.
     """
 
-    def leading(log_mass, guess):
+    def leading(
+        log_mass: float, guess: np.ndarray | None
+    ) -> tuple[complex, np.ndarray] | tuple[None, None]:
         """Leading eigenvalue and equilibrium, (None, None) where no equilibrium was found."""
         spectrum = linear_spectrum(design, math.exp(log_mass), bearing_number, mesh, guess)
         if spectrum is None and guess is not None:  # the guess may be too far away

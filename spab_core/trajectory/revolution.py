@@ -246,7 +246,7 @@ def surface(
     s = np.linspace(-1.0, 1.0, latitudes)
     even = np.eye(2 * m)[:, ::2]
 
-    def bubbles(x):
+    def bubbles(x: np.ndarray) -> np.ndarray:
         return ((1.0 - x**2) * legendre.legval(x, even)).T
 
     across = bubbles(s) @ np.linalg.inv(bubbles(latitude_operators(m)[0]))  # of P² - 1
