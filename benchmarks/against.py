@@ -141,7 +141,8 @@ def heyoka_run(problem, tolerance):
         np.concatenate([a, -a]) for a in (film.cos, film.sin, film.cos_face, film.sin_face)
     )
     gradient, divergence = (
-        a.reshape(film.half, 2 * film.half)[:m, :m].T for a in (film.gradient, film.divergence)
+        a.reshape(film.padded_latitudes, 2 * film.padded_latitudes)[:m, :m].T
+        for a in (film.gradient, film.divergence)
     )
     s = [[hy.expression(f"s_{j}_{i}") for i in range(m)] for j in range(n)]
     x, y, x1, y1, vx, vy, vx1, vy1 = hy.make_vars("x", "y", "x1", "y1", "vx", "vy", "vx1", "vy1")

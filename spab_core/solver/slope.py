@@ -78,14 +78,14 @@ class Work(NamedTuple):
 
 def build_work(film: Film) -> Work:
     """Allocate the scratch memory of one trajectory."""
-    n, blocks = film_size(film), film_size(film) * film.half
+    n, blocks = film_size(film), film_size(film) * film.padded_latitudes
     sizes = {
         "own": blocks,
         "inverse": blocks,
         "fill": 2 * blocks,
-        "separator": (2 * film.half) ** 2,
+        "separator": (2 * film.padded_latitudes) ** 2,
         "border": 2 * (n + ROTOR_STATES),
-        "scratch": 8 * film.half,
+        "scratch": 8 * film.padded_latitudes,
         "small": 32,
     }
     return Work(*(aligned_zeros(sizes.get(name, n)) for name in Work._fields))

@@ -56,7 +56,7 @@ class Options(NamedTuple):
     Attributes
     ----------
     tolerance : float
-        Largest error estimate of a step (``kernels.error_norm``), unless ``fixed``.
+        Largest error estimate of a step (``slope.error_norm``), unless ``fixed``.
     max_step : float
         Largest step in tau; the step itself where ``fixed``.
     fixed : bool

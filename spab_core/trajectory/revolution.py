@@ -51,7 +51,7 @@ class Revolution:
     rotor_mass, bearing_number : float
         kg on one bearing; Lambda.
     status : str
-        One of ``integrate.STATUS``; not ``ok``: the arrays end before the revolution does.
+        One of ``stepping.STATUS``; not ``ok``: the arrays end before the revolution does.
     tau : ndarray, (K + 1,)
         Shaft angle since the start of the run, rad.
     states : ndarray, (K + 1, 8)
