@@ -38,6 +38,59 @@ def build_series(film: Film) -> np.ndarray:
     return aligned_zeros(rows * size).reshape(rows, size)
 
 
+@inner
+def _product_order(c, first, second, k, part):
+    """Order k of the product of two columns of ``c``; ``part`` 1: of its tangent."""
+    total = 0.0
+    for l in range(k + 1):
+        if part == 0:
+            total += c[l, first] * c[k - l, second]
+        else:
+            total += c[l, first] * c[_K + k - l, second] + c[_K + l, first] * c[k - l, second]
+    return total
+
+
+@kernel
+def _eccentricity_order(rotor, c, k, dual):
+    """Order k of e from e e = e², of 1/e from e (1/e) = 1 and of f from f' = f e'/s, with s the
+    roughness.
+    """
+    if k == 0:
+        e = math.sqrt(c[0, _E2])
+        c[0, _E], c[0, _INVERSE] = e, 1.0 / e
+        c[0, _NORMAL] = rotor.contact_force * math.exp((e - 1.0) / rotor.roughness)
+        if dual:
+            c[_K, _E] = 0.5 * c[_K, _E2] / e
+            c[_K, _INVERSE] = -c[_K, _E] / (e * e)
+            c[_K, _NORMAL] = c[0, _NORMAL] * c[_K, _E] / rotor.roughness
+    else:
+        e0 = c[0, _E]
+        rest = c[k, _E2]
+        inverse = normal = 0.0
+        for l in range(1, k):
+            rest -= c[l, _E] * c[k - l, _E]
+        c[k, _E] = 0.5 * rest / e0
+        for l in range(1, k + 1):
+            inverse -= c[l, _E] * c[k - l, _INVERSE]
+            normal += l * c[l, _E] * c[k - l, _NORMAL]
+        c[k, _INVERSE], c[k, _NORMAL] = inverse / e0, normal / (k * rotor.roughness)
+        if dual:
+            rest = c[_K + k, _E2]
+            for l in range(k):
+                rest -= 2.0 * c[_K + l, _E] * c[k - l, _E]
+            c[_K + k, _E] = 0.5 * rest / e0
+            inverse = -c[_K, _E] * c[k, _INVERSE]
+            for l in range(1, k + 1):
+                inverse -= c[l, _E] * c[_K + k - l, _INVERSE] + c[_K + l, _E] * c[k - l, _INVERSE]
+            c[_K + k, _INVERSE] = inverse / e0
+            normal = 0.0
+            for l in range(1, k + 1):
+                normal += l * (
+                    c[_K + l, _E] * c[k - l, _NORMAL] + c[l, _E] * c[_K + k - l, _NORMAL]
+                )
+            c[_K + k, _NORMAL] = normal / (k * rotor.roughness)
+
+
 @kernel
 def _contact_series(rotor, r, d, k, c, dual):
     """Order k of the contact force from orders 0..k of the rotor state ``r`` and its tangent ``d``.
@@ -61,67 +114,12 @@ def _contact_series(rotor, r, d, k, c, dual):
         for part in range(2 if dual else 1):
             c[part * _K + k, _FX] = c[part * _K + k, _FY] = 0.0
         return
-    # e from e e = e², i = 1/e from i e = 1, f from f' = f e'/s
-    if k == 0:
-        e = math.sqrt(c[0, _E2])
-        c[0, _E], c[0, _INVERSE] = e, 1.0 / e
-        c[0, _NORMAL] = rotor.contact_force * math.exp((e - 1.0) / rotor.roughness)
-        if dual:
-            c[_K, _E] = 0.5 * c[_K, _E2] / e
-            c[_K, _INVERSE] = -c[_K, _E] / (e * e)
-            c[_K, _NORMAL] = c[0, _NORMAL] * c[_K, _E] / rotor.roughness
-    else:
-        e0 = c[0, _E]
-        s = c[k, _E2]
-        inverse = f = 0.0
-        for l in range(1, k):
-            s -= c[l, _E] * c[k - l, _E]
-        c[k, _E] = 0.5 * s / e0
-        for l in range(1, k + 1):
-            inverse -= c[l, _E] * c[k - l, _INVERSE]
-            f += l * c[l, _E] * c[k - l, _NORMAL]
-        c[k, _INVERSE], c[k, _NORMAL] = inverse / e0, f / (k * rotor.roughness)
-        if dual:
-            s = c[_K + k, _E2]
-            for l in range(k):
-                s -= 2.0 * c[_K + l, _E] * c[k - l, _E]
-            c[_K + k, _E] = 0.5 * s / e0
-            inverse = -c[_K, _E] * c[k, _INVERSE]
-            for l in range(1, k + 1):
-                inverse -= c[l, _E] * c[_K + k - l, _INVERSE] + c[_K + l, _E] * c[k - l, _INVERSE]
-            c[_K + k, _INVERSE] = inverse / e0
-            f = 0.0
-            for l in range(1, k + 1):
-                f += l * (c[_K + l, _E] * c[k - l, _NORMAL] + c[l, _E] * c[_K + k - l, _NORMAL])
-            c[_K + k, _NORMAL] = f / (k * rotor.roughness)
+    _eccentricity_order(rotor, c, k, dual)
     for part in range(2 if dual else 1):
         o = part * _K
-        a = 0.0
-        for l in range(k + 1):
-            a += (
-                c[l, _NORMAL] * c[k - l, _INVERSE]
-                if part == 0
-                else c[l, _NORMAL] * c[_K + k - l, _INVERSE]
-                + c[_K + l, _NORMAL] * c[k - l, _INVERSE]
-            )
-        c[o + k, _SPRING] = a
-        p = 0.0
-        for l in range(k + 1):
-            p += (
-                c[l, _SPRING] * c[k - l, _INVERSE]
-                if part == 0
-                else c[l, _SPRING] * c[_K + k - l, _INVERSE]
-                + c[_K + l, _SPRING] * c[k - l, _INVERSE]
-            )
-        c[o + k, _PER_E2] = p
-        b = 0.0
-        for l in range(k + 1):
-            b += (
-                c[l, _PER_E2] * c[k - l, _RADIAL]
-                if part == 0
-                else c[l, _PER_E2] * c[_K + k - l, _RADIAL] + c[_K + l, _PER_E2] * c[k - l, _RADIAL]
-            )
-        c[o + k, _DAMPING] = rotor.damping * b
+        c[o + k, _SPRING] = _product_order(c, _NORMAL, _INVERSE, k, part)
+        c[o + k, _PER_E2] = _product_order(c, _SPRING, _INVERSE, k, part)
+        c[o + k, _DAMPING] = rotor.damping * _product_order(c, _PER_E2, _RADIAL, k, part)
         fx = fy = 0.0
         mu = rotor.friction
         for l in range(k + 1):

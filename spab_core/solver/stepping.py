@@ -26,7 +26,7 @@ from spab_core.solver.dtm import DTM_ORDER, build_series, dtm_step
 from spab_core.solver.film import Film, film_index, film_size
 from spab_core.solver.rodas import DEFAULT_TOLERANCE, Stages, build_stages, rodas_step
 from spab_core.solver.rotor import ROTOR_STATES
-from spab_core.solver.simd import WIDTH, aligned_zeros, kernel, splat, vload, vstore, vsum
+from spab_core.solver.simd import WIDTH, aligned_zeros, inlined, kernel, splat, vload, vstore, vsum
 from spab_core.solver.slope import Work, build_work
 
 METHODS = ("rodas", "dtm")
@@ -239,6 +239,31 @@ def sample(u, new, t, h, start, spacing, row, record):
         k += 1
 
 
+@inlined
+def _step_factor(control, h, size, exponent):
+    """By how much to change the step h after an error of ``size`` tolerances."""
+    if not math.isfinite(size):
+        return 0.25
+    factor = 0.9 * max(size, 1e-12) ** exponent
+    if size <= 1.0 and control[LAST_STEP] > 0.0 and size > 1e-3:
+        # Gustafsson's predictive control: where errors grow from step to step, shrink ahead of them
+        ahead = factor * h / control[LAST_STEP] * (size / control[LAST_ERROR]) ** exponent
+        factor = min(factor, ahead)
+    return min(4.0, max(0.2, factor))
+
+
+@inlined
+def _renormalise(new, out):
+    """Copy a tangent at unit length to ``out``; return the length it had."""
+    total = splat(0.0)
+    for k in range(0, out.size, WIDTH):
+        total = total + vload(new, k) * vload(new, k)
+    norm = math.sqrt(vsum(total))
+    for k in range(0, out.size, WIDTH):
+        vstore(out, k, vload(new, k) * (1.0 / norm))
+    return norm
+
+
 @kernel
 def advance(system, memory, options, first, revolutions, record):
     """Integrate whole revolutions from the state and tangent in ``memory``, in place.
@@ -286,18 +311,7 @@ def advance(system, memory, options, first, revolutions, record):
             steps += 1
             control[STEPS] += 1.0
             size = error / options.tolerance
-            if not math.isfinite(size):
-                factor = 0.25
-            else:
-                factor = 0.9 * max(size, 1e-12) ** exponent
-                if size <= 1.0 and control[LAST_STEP] > 0.0 and size > 1e-3:
-                    # Gustafsson's predictive control: where errors grow from step to step, shrink
-                    # ahead of them
-                    factor = min(
-                        factor,
-                        factor * h / control[LAST_STEP] * (size / control[LAST_ERROR]) ** exponent,
-                    )
-                factor = min(4.0, max(0.2, factor))
+            factor = _step_factor(control, h, size, exponent)
             if not size <= 1.0 and not (options.fixed and math.isfinite(size)):
                 control[NEXT_STEP] = h * min(factor, 0.9)
                 control[REJECTED] += 1.0
@@ -318,15 +332,10 @@ def advance(system, memory, options, first, revolutions, record):
             if touchdown:
                 return TOUCHDOWN, row
             if options.tangent:
-                total = splat(0.0)
-                for k in range(0, v.size, WIDTH):
-                    total = total + vload(new_v, k) * vload(new_v, k)
-                norm = math.sqrt(vsum(total))
+                norm = _renormalise(new_v, v)
                 if not (norm > 0.0 and math.isfinite(norm)):
                     return STEP_TOO_SMALL, row
                 growth += math.log(norm)
-                for k in range(0, v.size, WIDTH):
-                    vstore(v, k, vload(new_v, k) * (1.0 / norm))
             if steps > options.max_steps:
                 return TOO_MANY_STEPS, row
         n = u.size - ROTOR_STATES
