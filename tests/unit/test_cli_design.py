@@ -96,7 +96,7 @@ def test_coefficients_against_speed_as_a_workbook(capsys, tmp_path):
 @pytest.mark.parametrize(
     "argv, words",
     [
-        (["design"], "design_command"),
+        (["design"], "spab design: the following arguments are required: COMMAND"),
         ([*SHOW], "rpm"),
         ([*SHOW, "--rpm", "1", "--bearing-number", "1"], "either"),
         ([*SHOW, "--rpm", "1e9"], "rpm"),
