@@ -119,7 +119,7 @@ def _presets(args: Namespace) -> Answer:
     if not args.json:
         for row in rows:
             print(
-                f"{row['name']:18s} {row['label']}: {row['text']}; look first at "
+                f"{row['name']:18s} {row['label']}: {row['text']}; start with "
                 f"{row['rotor_mass_kg']:g} kg, {row['speed_rpm']:,.0f} rpm"
             )
     return {"presets": rows}
@@ -160,7 +160,8 @@ def _lines(d: Derived) -> list[str]:
         f"Operating point: {d.rotor_mass:g} kg on one bearing at {d.speed_rpm:,.0f} rpm "
         f"({d.speed:.1f} rad/s)",
         f"Groups: Lambda {d.bearing_number:.4g}, M {d.mass_number:.4g}, K "
-        f"{d.shaft_stiffness_number:.4g}, beta {d.feeding_number:.4g}, W {d.load_number:.4g}, rho {d.unbalance_number:.4g}",
+        f"{d.shaft_stiffness_number:.4g}, beta {d.feeding_number:.4g}, W {d.load_number:.4g}, "
+        f"rho {d.unbalance_number:.4g}",
         f"Unbalance: balance quality G {d.balance_grade:.3g} mm/s at this speed",
     ]
     if d.gas_flow is None or d.coefficients is None:
@@ -172,15 +173,13 @@ def _lines(d: Derived) -> list[str]:
         "normal litres a minute",
     ]
     for k, name in enumerate(("Static", "Synchronous")):
-        c = d.coefficients
-        lines.append(
-            f"{name}: " + ", ".join(f"{n} {c.column(n)[k]:.4g}" for n in NAMES) + " (N/m, N s/m)"
-        )
+        values = ", ".join(f"{n} {d.coefficients.column(n)[k]:.4g}" for n in NAMES)
+        lines.append(f"{name} coefficients: {values} (N/m, N s/m)")
     if d.whirl:
         lines.append(
-            f"Least stable whirl: {d.whirl.speed_rpm:,.0f} a minute, {d.whirl.ratio:.4f} of the "
-            f"shaft speed; {'decays' if d.whirl.stable else 'GROWS'} by {abs(d.whirl.growth):.4g} per "
-            "revolution (linear)"
+            f"Least stable whirl: {d.whirl.speed_rpm:,.0f} rpm, {d.whirl.ratio:.4f} of the "
+            f"shaft speed; {'decays' if d.whirl.stable else 'GROWS'} by {abs(d.whirl.growth):.4g} "
+            "per revolution (linear)"
         )
     return lines
 
