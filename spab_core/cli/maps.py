@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from argparse import Namespace
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 from tqdm import tqdm
@@ -29,7 +30,7 @@ from spab_core.maps.bifurcation import (
 from spab_core.maps.checkpoints import open_run
 from spab_core.maps.compute import compute_map
 from spab_core.maps.margin import margin
-from spab_core.maps.stability_map import axis, check_plane, load_map, save_map
+from spab_core.maps.stability_map import StabilityMap, axis, check_plane, load_map, save_map
 from spab_core.shipped.manifest import load_reference_map
 
 
@@ -174,7 +175,10 @@ def _margin(args: Namespace) -> Answer:
 def _export(args: Namespace) -> Answer:
     from spab_core.reporting.export import map_netcdf, map_table  # loads Plotly
 
-    writers = {".nc": map_netcdf, ".csv": lambda m: csv_bytes(map_table(m))}
+    writers: dict[str, Callable[[StabilityMap], bytes]] = {
+        ".nc": map_netcdf,
+        ".csv": lambda m: csv_bytes(map_table(m)),
+    }
     ending = Path(args.out).suffix.lower()
     if ending not in writers:
         raise InputError(f"--out = {args.out[:200]!r} must end in {' or '.join(writers)}")

@@ -100,15 +100,15 @@ class Job:
     kind: str
     parameters: dict[str, Any]
     state: str
-    done: int
-    total: int
     created: float
-    started: float | None
-    finished: float | None
-    message: str
     folder: Path
     size: int
-    seconds_left: float | None
+    done: int = 0
+    total: int = 0
+    started: float | None = None
+    finished: float | None = None
+    message: str = ""
+    seconds_left: float | None = None
 
     @property
     def active(self) -> bool:
@@ -275,15 +275,10 @@ def list_jobs() -> list[Job]:
                     kind=kind,
                     parameters={},
                     state="failed",
-                    done=0,
-                    total=0,
                     created=made,
-                    started=None,
-                    finished=None,
-                    message=str(error),
                     folder=folder,
                     size=_size(folder),
-                    seconds_left=None,
+                    message=str(error),
                 )
             )
     return sorted(found, key=lambda job: (-job.created, job.id))
