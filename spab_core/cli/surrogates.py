@@ -148,7 +148,7 @@ def _evaluate(args: Namespace) -> Answer:
             ("RMSE per revolution", "rmse_held_out"),
             ("MAE per revolution", "mae_held_out"),
             ("Regime accuracy by thresholds of the predicted exponent", "regime_accuracy"),
-            ("F1 of chaos, likewise", "chaos_f1"),
+            ("F1 of chaos, by the same thresholds", "chaos_f1"),
         ):
             print(f"{title}, {where}")
             print(table(scores, column).to_string(float_format="{:.4f}".format))

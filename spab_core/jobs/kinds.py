@@ -9,7 +9,7 @@ import hashlib
 import os
 import re
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -90,7 +90,9 @@ class JobKind:
     def check(self, parameters: Values) -> Values:
         """Return the parameters complete and in one spelling. Raise ``InputError``."""
         known = [f.name for f in fields(self.request)]
-        required = {f.name for f in fields(self.request) if f.default is f.default_factory}
+        required = {
+            f.name for f in fields(self.request) if MISSING is f.default is f.default_factory
+        }
         for names, problem in (
             (parameters.keys() - set(known), "unknown"),
             (required - parameters.keys(), "missing"),

@@ -156,7 +156,7 @@ def work(folder: Path) -> int:
     except InputError as error:
         message = str(error)
     except TerminatedWorkerError:
-        message = f"a process at work died (killed, or out of memory); {kind.again}"
+        message = f"a worker process died (killed, or out of memory); {kind.again}"
     except OSError as error:
         traceback.print_exc()
         place = error.filename or folder
