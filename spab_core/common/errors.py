@@ -1,15 +1,11 @@
-"""What a person typed or gave is wrong: the root of all errors that are told in a sentence."""
+"""Errors in what a person gave, told in one sentence without a traceback."""
 
 from __future__ import annotations
 
 
 class InputError(ValueError):
-    """Something a person gave is wrong; the message is a sentence that says what, and what is
-    allowed.
-    """
+    """An input is wrong; the message is a sentence that names it and says what is allowed."""
 
 
 class DesignError(InputError):
-    """A design value that is missing, unknown, of the wrong kind or out of range; the message says
-    which and why.
-    """
+    """A value of a design is missing, unknown, of the wrong kind or out of range."""

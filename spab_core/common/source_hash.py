@@ -1,27 +1,21 @@
-"""A hash of source code by what it says: the same however it is laid out, wherever its files stand,
-on every Python.
+"""A hash of what source code does: the same for every layout, place of its files and Python.
 
-For models and results kept on disk: they stay good where code is reformatted, commented or moved,
-and on another Python."""
+Models and results kept on disk are named by it, so they stay valid where code is reformatted,
+commented or moved, and on another Python."""
 
 from __future__ import annotations
 
 import ast
 import hashlib
 from collections.abc import Iterable
+from typing import Any
 
-_SILENT = {
-    "ctx",
-    "kind",
-    "type_comment",
-    "type_params",
-}  # said by the place, spelling, or new in later Pythons
+# fields that follow from others, tell a spelling, or are new in later Pythons
+_SILENT = {"ctx", "kind", "type_comment", "type_params"}
 
 
 def _left_out(node: object) -> bool:
-    """Statements that say where code stands or what a reader wants to know: imports, docstrings,
-    the part run as a script.
-    """
+    """Return whether a statement does not count: imports, docstrings, the part run as a script."""
     if isinstance(node, ast.If):
         return ast.unparse(node.test).replace('"', "'") == "__name__ == '__main__'"
     return isinstance(node, (ast.Import, ast.ImportFrom)) or (
@@ -29,11 +23,11 @@ def _left_out(node: object) -> bool:
     )
 
 
-def _pieces(values: list) -> list:
-    """Parts of an f-string; texts beside one another are one, empty ones none: Pythons cut them
-    differently.
+def _pieces(values: list[ast.expr]) -> list[ast.expr | str]:
+    """Return the parts of an f-string, adjacent texts joined and empty ones left out: Pythons cut
+    them differently.
     """
-    joined: list = [""]
+    joined: list[Any] = [""]
     for value in values:
         if not isinstance(value, ast.Constant):
             joined += [value, ""]
@@ -47,7 +41,7 @@ def _canonical(node: object) -> str:
         return f"[{','.join(_canonical(item) for item in node if not _left_out(item))}]"
     if not isinstance(node, ast.AST):
         return f"{type(node).__name__}:{node!r}"
-    said = {
+    said: dict[str, Any] = {
         name: value
         for name, value in ast.iter_fields(node)
         if name not in _SILENT and value not in (None, [])
@@ -76,7 +70,7 @@ def source_hash(sources: Iterable[bytes]) -> str:
     Raises
     ------
     SyntaxError
-        For a source that is no Python.
+        For a source that is not Python.
     """
     statements = sorted(
         _canonical(node)

@@ -7,7 +7,16 @@ import math
 from spab_core.common.errors import DesignError
 
 
-def check_number(name, value, low, high, unit="", *, infinite=False, open_low=False):
+def check_number(
+    name: str,
+    value: object,
+    low: float,
+    high: float,
+    unit: str = "",
+    *,
+    infinite: bool = False,
+    open_low: bool = False,
+) -> float:
     """Return ``value`` as a float if it lies in the allowed range.
 
     Parameters
@@ -26,7 +35,7 @@ def check_number(name, value, low, high, unit="", *, infinite=False, open_low=Fa
     Raises
     ------
     DesignError
-        If it is no number or out of range; the message names the field, the value and the range.
+        If it is not a number or out of range; the message names the field, the value and the range.
     """
     unit = f" {unit}" if unit else ""
     allowed = f"{'more than' if open_low else 'from'} {low:g} {'up ' if open_low else ''}to {high:g}{unit}"

@@ -231,7 +231,7 @@ def test_no_file_of_a_job_is_unpickled(marker, how):
         "message": "",
         "pid": None,
     }
-    jobs._write(folder, state)
+    jobs.write_state(folder, state)
     (folder / "result.npz").write_bytes(dumped(marker, how))
     with pytest.raises(InputError):
         load_point(jobs.find(name).result)

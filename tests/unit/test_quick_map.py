@@ -143,7 +143,7 @@ def test_the_command_maps_and_its_map_has_margins(tmp_path, capsys):
     assert not (tmp_path / "own.npz.parts").exists()
     assert main(["margin", "--map", str(filled), "--rotor-mass", "6", "--bearing-number", "3"]) == 0
     for wrong, told in (
-        (["--minutes", "0"], "seconds = 0 s is out of range"),
+        (["--minutes", "0"], "--minutes = 0 min is out of range"),
         (["--workers", "0"], "--workers = 0"),
         (["--dask", "nowhere"], "no address"),
         (["--preset", "none"], "no preset 'none'"),
