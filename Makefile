@@ -21,7 +21,7 @@ OLDEST := $(addprefix tests/unit/test_,design.py form.py export.py threads.py ke
   $(addprefix tests/physics/test_,film.py integrators.py points.py) $(addprefix tests/app/test_,about.py view.py home.py my_bearing.py)
 
 .PHONY: run test test-fast coverage compiled test-foreign test-python oldest test-oldest licences lint lock map train verify bifurcations audit \
-  linear-table refined manifest pictures results clean another-python
+  linear-table refined manifest pictures results docs clean another-python
 
 run: $(VENV)/.ready
 	$(BIN)/spab dashboard
@@ -79,6 +79,8 @@ lock: $(VENV)/.ready
 	  --output-file requirements.lock --upgrade pyproject.toml
 	$(BIN)/uv pip compile --quiet --resolution lowest-direct --python-version 3.11 --extra test --no-emit-index-url --no-header \
 	  --output-file requirements-oldest.lock --upgrade pyproject.toml
+	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --extra docs --no-emit-index-url --no-header \
+	  --constraints requirements.lock --output-file requirements-docs.lock --upgrade pyproject.toml
 
 # the shipped map: 42,500 cells, three quarters of an hour on two cores; an interrupted run goes on; then `make train`
 map: $(VENV)/.ready
@@ -129,6 +131,15 @@ manifest: $(VENV)/.ready
 pictures: $(VENV)/.ready
 	$(BIN)/python docs/take_pictures.py
 
+# the docs site in site/: docs/, README and its like, examples, API reference from the docstrings; a warning is an error
+docs: $(VENV)/.docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	@echo "The docs site is in site/; to read it: $(BIN)/python -m http.server --directory site 8000"
+
+$(VENV)/.docs: $(VENV)/.ready requirements-docs.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-docs.lock
+	touch $@
+
 $(VENV)/.ready: pyproject.toml $(LOCK) $(ANOTHER)
 	$(PYTHON) -c "import sys; sys.exit(0 if sys.version_info >= (3, 11) else 'spab needs Python 3.11 or newer')"
 	$(PYTHON) -m venv --clear $(VENV)
@@ -137,5 +148,5 @@ $(VENV)/.ready: pyproject.toml $(LOCK) $(ANOTHER)
 	touch $@
 
 clean:
-	rm -rf .venv .venv-oldest .venv-newest .ross build *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .venv-oldest .venv-newest .ross build site *.egg-info .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +

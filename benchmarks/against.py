@@ -29,6 +29,7 @@ from spab_core.solver.film import DEFAULT_MESH, build_film, film_array, film_siz
 from spab_core.solver.rotor import build_rotor
 from spab_core.solver.slope import build_work, fill_jacobian, slope
 from spab_core.solver.stepping import Options, advance, build_memory, build_record
+from spab_core.solver.system import System
 
 POINTS = ((4.0, 1.0), (4.52, 3.45), (4.52, 8.0))  # kg, bearing number
 SETTLE, REVOLUTIONS, TARGET = 80, 20, 1e-4
@@ -42,7 +43,7 @@ class GaveUp(Exception):
 class Problem:
     def __init__(self, mass, number):
         self.film = build_film(reference_design(), number, DEFAULT_MESH)
-        self.system = (self.film, build_rotor(reference_design(), mass, number))
+        self.system = System(self.film, build_rotor(reference_design(), mass, number))
         self.n = film_size(self.film)
         memory = build_memory(self.film)
         advance(self.system, memory, Options(tolerance=1e-7), 0, SETTLE, build_record(SETTLE, 0))
@@ -140,7 +141,8 @@ def heyoka_run(problem, tolerance):
         np.concatenate([a, -a]) for a in (film.cos, film.sin, film.cos_face, film.sin_face)
     )
     gradient, divergence = (
-        a.reshape(film.half, 2 * film.half)[:m, :m].T for a in (film.gradient, film.divergence)
+        a.reshape(film.padded_latitudes, 2 * film.padded_latitudes)[:m, :m].T
+        for a in (film.gradient, film.divergence)
     )
     s = [[hy.expression(f"s_{j}_{i}") for i in range(m)] for j in range(n)]
     x, y, x1, y1, vx, vy, vx1, vy1 = hy.make_vars("x", "y", "x1", "y1", "vx", "vy", "vx1", "vy1")

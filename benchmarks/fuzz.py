@@ -386,7 +386,6 @@ def damaged_address(rng, data):
 def targets(folder):
     """By name: how often, the valid bytes to start from, what damages them, what reads them."""
     import spab_core.ui.view as view
-    from spab_core.active_learning import oracles
     from spab_core.active_learning.quick_map import as_map
     from spab_core.active_learning.refine import load_refinement, save_refinement
     from spab_core.cli import jobs as cli_jobs
@@ -399,10 +398,10 @@ def targets(folder):
     from spab_core.jobs import store as jobs
     from spab_core.linear_theory import linear_table as features
     from spab_core.maps import bifurcation
-    from spab_core.maps import compute as map_engine
+    from spab_core.maps.checkpoints import Checkpoint, run_plan
     from spab_core.maps.margin import margin
-    from spab_core.maps.sensitivity import Margin, load_sensitivity
-    from spab_core.maps.stability_map import CHUNK_ARRAYS, FIELDS, StabilityMap, load_map, map_bytes
+    from spab_core.maps.sensitivity import MachineMargin, load_sensitivity
+    from spab_core.maps.stability_map import FIELDS, StabilityMap, load_map, map_bytes, unsolved
     from spab_core.reporting.export import map_table
     from spab_core.shipped import manifest as artifacts
     from spab_core.shipped import model_cache
@@ -577,15 +576,23 @@ def targets(folder):
     def read_table(data):
         features.load_table(data)
 
+    plan = run_plan(design, small.bearing_number, small.rotor_mass, Settings())
+
     def read_plan(data):
         parts = folder / "parts"
         parts.mkdir(exist_ok=True)
         (parts / "plan.json").write_bytes(data)
-        map_engine.open_run(parts, design, small.bearing_number, small.rotor_mass, Settings())
+        Checkpoint(parts, plan, {}).open()
 
-    shutil.rmtree(folder / "plan", ignore_errors=True)
-    map_engine.open_run(folder / "plan", design, small.bearing_number, small.rotor_mass, Settings())
-    base = Margin("speed", True, 9000.0, 8000.0, float("nan"), 4500.0, 18000.0)
+    for left in ("plan", "chunks"):
+        shutil.rmtree(folder / left, ignore_errors=True)
+    Checkpoint(folder / "plan", plan, {}).open()
+    checkpoint = Checkpoint(
+        folder / "chunks", plan, {n: unsolved(d, 99) for n, d in FIELDS.items()}
+    )
+    with checkpoint.resume():
+        checkpoint.save("0", np.arange(4), chunk)
+    base = MachineMargin("speed", True, 9000.0, 8000.0, float("nan"), 4500.0, 18000.0)
     rows = {
         "value": ["clearance"],
         "factor": [0.9],
@@ -653,17 +660,11 @@ def targets(folder):
             damaged_npz,
             from_file(lambda path: load_intervals(path, small)),
         ),
-        "chunk of a map": (
-            4,
-            [npz_bytes(chunk | {"run": np.array("r")})],
+        "chunk of a run": (
+            8,
+            [(folder / "chunks" / "chunk-0.npz").read_bytes()],
             damaged_npz,
-            from_file(lambda path: map_engine.read_part(path, CHUNK_ARRAYS, "r", 4)),
-        ),
-        "chunk of a refinement": (
-            4,
-            [npz_bytes(chunk | {"run": np.array("r"), "cells": np.arange(4)})],
-            damaged_npz,
-            from_file(lambda path: oracles._read_chunk(path, "r", 99)),
+            from_file(checkpoint.load),
         ),
         "linear table": (
             2,

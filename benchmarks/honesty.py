@@ -40,6 +40,7 @@ from spab_core.solver.stepping import (
     build_memory,
     build_record,
 )
+from spab_core.solver.system import System
 
 SETTINGS = Settings("4x24", transient=40, revolutions=40)
 HALF = dataclasses.replace(SETTINGS, tolerance=DEFAULT_TOLERANCE / 16.0)
@@ -116,7 +117,7 @@ def gas_lost(point, pieces=PIECES):
     film = build_film(
         point.design, point.bearing_number, point.settings.mesh, point.settings.scheme
     )
-    system = (film, build_rotor(point.design, point.rotor_mass, point.bearing_number))
+    system = System(film, build_rotor(point.design, point.rotor_mass, point.bearing_number))
     memory = build_memory(film, point.settings.method)
     memory.state[:] = point.trajectory.final
     options = Options(point.settings.tolerance, period=REVOLUTION / pieces)

@@ -27,6 +27,7 @@ from spab_core.solver.linear_solve import linearise, solve
 from spab_core.solver.rotor import build_rotor
 from spab_core.solver.slope import slope, slope_and_jacobian, time_slope
 from spab_core.solver.stepping import Options, advance, build_memory, build_record
+from spab_core.solver.system import System
 
 POINTS = {
     "4 kg, L 1": (4.0, 1.0),
@@ -135,11 +136,9 @@ def rkc_coefficients(stages):
 
 def spectral_radius(system, states):
     """Largest eigenvalue magnitude of the whole Jacobian over some states of the orbit."""
-    film, rotor = system
     every = np.arange(len(states[0]))
     return max(
-        np.abs(np.linalg.eigvals(slope_and_jacobian(film, rotor, s, every)[1])).max()
-        for s in states
+        np.abs(np.linalg.eigvals(slope_and_jacobian(system, s, every)[1])).max() for s in states
     )
 
 
@@ -147,7 +146,7 @@ class Problem:
     def __init__(self, mass, bearing_number):
         design = reference_design()
         self.film = build_film(design, bearing_number, DEFAULT_MESH)
-        self.system = (self.film, build_rotor(design, mass, bearing_number))
+        self.system = System(self.film, build_rotor(design, mass, bearing_number))
         memory = build_memory(self.film)
         assert (
             advance(self.system, memory, Options(1e-6), 0, SETTLE, build_record(SETTLE, 0))[0] == 0

@@ -13,9 +13,11 @@ from spab_core.design.model import reference_design
 from spab_core.solver.curvature import add_curvature, prepare_curvature
 from spab_core.solver.film import DEFAULT_MESH, build_film
 from spab_core.solver.linear_solve import linearise, solve
+from spab_core.solver.rodas import rodas_step
 from spab_core.solver.rotor import build_rotor
 from spab_core.solver.slope import slope, slope_tangent
-from spab_core.solver.stepping import Options, advance, build_memory, build_record, rodas_step
+from spab_core.solver.stepping import Options, advance, build_memory, build_record
+from spab_core.solver.system import System
 
 REPEAT, ROUNDS = 500, 9
 
@@ -23,7 +25,7 @@ REPEAT, ROUNDS = 500, 9
 def main():
     design = reference_design()
     film = build_film(design, 4.5, DEFAULT_MESH)
-    system = (film, build_rotor(design, 18.0, 4.5))
+    system = System(film, build_rotor(design, 18.0, 4.5))
     memory = build_memory(film)
     advance(system, memory, Options(), 0, 40, build_record(40, 0))
     u, v, work = memory.state, memory.tangent, memory.work

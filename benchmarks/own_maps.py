@@ -37,28 +37,30 @@ def measure(name: str, minutes: float, cells: int) -> dict:
     number, mass = check_quick_map(*axes, 60.0 * minutes)
     began, first = time.perf_counter(), []
     with tempfile.TemporaryDirectory() as folder:
-        found = quick_map(
+        for found in quick_map(
             design,
             number,
             mass,
             seconds=60.0 * minutes,
-            parts=Path(folder) / "parts",
+            checkpoint=Path(folder) / "parts",
             workers=WORKERS,
-            publish=lambda r: first.append(time.perf_counter() - began),
-        )
+        ):
+            first.append(time.perf_counter() - began)
+            solved = int(found.solved.sum())
     seconds, m = time.perf_counter() - began, as_map(found)
     drawn = np.random.default_rng(SEED).permutation(m.mle.size)[:cells]
     row, column = np.unravel_index(drawn, m.shape)
     points = [(float(number[i]), float(mass[j])) for i, j in zip(row, column, strict=True)]
     began = time.perf_counter()
     jobs = (
-        joblib.delayed(solve_chunk)(k, design, points[k : k + CHUNK], SETTINGS)
+        joblib.delayed(solve_chunk)(str(k), design, points[k : k + CHUNK], SETTINGS)
         for k in range(0, cells, CHUNK)
     )
-    solved = dict(joblib.Parallel(n_jobs=WORKERS)(jobs))
+    checked = dict(joblib.Parallel(n_jobs=WORKERS)(jobs))
     check_seconds = time.perf_counter() - began
     truth, mle = (
-        np.concatenate([solved[k][field] for k in sorted(solved)]) for field in ("regime", "mle")
+        np.concatenate([checked[k][field] for k in sorted(checked, key=int)])
+        for field in ("regime", "mle")
     )
     agree = m.regime[row, column] == truth
     test = binomtest(int(agree.sum()), cells).proportion_ci(method="wilson")
@@ -74,7 +76,7 @@ def measure(name: str, minutes: float, cells: int) -> dict:
         "rotor_mass": axes[1],
         "minutes": seconds / 60.0,
         "first_plane_s": first[0],
-        "solved": int(found.solved.sum()),
+        "solved": solved,
         "of": int(m.mle.size),
         "checked": cells,
         "agree": float(agree.mean()),

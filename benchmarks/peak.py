@@ -19,10 +19,12 @@ from numba import njit
 from spab_core.design.model import reference_design
 from spab_core.solver.film import DEFAULT_MESH, build_film
 from spab_core.solver.linear_solve import linearise, solve
+from spab_core.solver.rodas import rodas_step
 from spab_core.solver.rotor import build_rotor
 from spab_core.solver.simd import kernel, splat, vload, vstore
 from spab_core.solver.slope import slope, slope_tangent
-from spab_core.solver.stepping import Options, advance, build_memory, build_record, rodas_step
+from spab_core.solver.stepping import Options, advance, build_memory, build_record
+from spab_core.solver.system import System
 
 ROUNDS, REPEAT, CHAINS = 15, 400, 16
 LATITUDES = DEFAULT_MESH.latitude
@@ -110,7 +112,7 @@ def _elimination(film, work):
 def main():
     design = reference_design()
     film = build_film(design, 4.5, DEFAULT_MESH)
-    system = (film, build_rotor(design, 18.0, 4.5))
+    system = System(film, build_rotor(design, 18.0, 4.5))
     memory = build_memory(film)
     advance(system, memory, Options(tangent=True), 0, 40, build_record(40, 0))
     u, v, work = memory.state, memory.tangent, memory.work

@@ -18,6 +18,7 @@ from spab_core.design.model import reference_design
 from spab_core.solver.film import Mesh, build_film, film_index, film_size
 from spab_core.solver.rotor import build_rotor
 from spab_core.solver.stepping import Options, advance, build_memory, build_record
+from spab_core.solver.system import System
 from spab_core.trajectory.compiling import compile_once
 
 SMALL = Mesh(3, 24)
@@ -96,7 +97,7 @@ class Run:
     ):
         self.film = build_film(design, bearing_number, mesh, scheme)
         self.rotor = build_rotor(design, rotor_mass, bearing_number, ramp)
-        self.system = (self.film, self.rotor)
+        self.system = System(self.film, self.rotor)
         self.method = method
         self.memory = build_memory(self.film, method)
         self.n = film_size(self.film)

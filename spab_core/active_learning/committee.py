@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from sklearn.ensemble import ExtraTreesClassifier, ExtraTreesRegressor
 from sklearn.metrics import mean_absolute_error, root_mean_squared_error
 
@@ -25,12 +26,13 @@ LINEAR = slice(
 )  # what linear theory adds to bearing number, rotor mass and M
 # bearing number below which exponents reach -38 per revolution: errors are told without them too
 DAMPED = 0.15
+Floats = npt.NDArray[np.float64]
 LABELS = (*REGIMES, "")  # "": the run fails, no exponent
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """What the committee says of every cell of a plane.
+    """Prediction of every cell of a plane by the committee.
 
     Attributes
     ----------
@@ -41,31 +43,33 @@ class Prediction:
         Share of the trees' votes for each of :data:`LABELS`.
     """
 
-    mle: np.ndarray
-    deviation: np.ndarray
-    probability: np.ndarray
+    mle: Floats
+    deviation: Floats
+    probability: Floats
 
     @property
     def regime(self) -> np.ndarray:
-        """The likeliest of :data:`LABELS`, (n,) of str."""
-        return np.array(LABELS)[self.probability.argmax(1)]
+        """Most probable of :data:`LABELS`, (n,) of str."""
+        names: np.ndarray = np.array(LABELS)[self.probability.argmax(1)]
+        return names
 
     @property
-    def unstable(self) -> np.ndarray:
+    def unstable(self) -> Floats:
         """Probability that the motion is not periodic, a run that fails (touchdown) included, (n,)."""
         return 1.0 - self.probability[:, LABELS.index("periodic")]
 
     @property
-    def impurity(self) -> np.ndarray:
-        """Gini impurity of the regime, (n,): the rate of wrong labels if they were drawn by their
-        probabilities.
+    def impurity(self) -> Floats:
+        """Gini impurity of the regime, (n,): the expected rate of wrong labels if they were drawn
+        by their probabilities.
         """
-        return 1.0 - (self.probability**2).sum(1)
+        impurity: Floats = 1.0 - np.square(self.probability).sum(1)
+        return impurity
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """What the committee sees of the cells of a plane, in the order of ``mle.ravel()``.
+    """Inputs of the committee for the cells of a plane, in the order of ``mle.ravel()``.
 
     Attributes
     ----------
@@ -86,7 +90,7 @@ class Inputs:
 def plane_inputs(
     bearing_number: np.ndarray, rotor_mass: np.ndarray, table: LinearTable | None = None
 ) -> Inputs:
-    """What the committee sees of the cells of a plane.
+    """Return the inputs of the committee for the cells of a plane.
 
     Trees cut along axes, but borders, the periodic windows within chaos and other narrow bands run
     along curves near which m Λ^p is constant, with a p that differs from band to band; p = 2 is the
@@ -152,14 +156,19 @@ def predict_plane(
     return Prediction(mean, deviation, probability)
 
 
-def scores(m: StabilityMap, prediction: Prediction, cells: np.ndarray) -> dict[str, float]:
-    """How well a prediction does on some cells of a solved map.
+def scores(
+    m: StabilityMap, mle: np.ndarray, regime: np.ndarray, cells: np.ndarray
+) -> dict[str, float]:
+    """Return how well a prediction does on some cells of a solved map.
 
     Parameters
     ----------
     m : StabilityMap
         The truth.
-    prediction : Prediction
+    mle : ndarray, (n,) or (B, M)
+        Predicted exponent per revolution.
+    regime : ndarray of str, (n,) or (B, M)
+        Predicted.
     cells : ndarray of bool, (n,)
         Which cells count, such as the held-out ones.
 
@@ -169,15 +178,15 @@ def scores(m: StabilityMap, prediction: Prediction, cells: np.ndarray) -> dict[s
         Those of :func:`exponent_scores`, ``accuracy`` of regimes and ``chaos_f1``; nan where no
         cell counts.
     """
-    regimes = regime_scores(m.regime.ravel()[cells], prediction.regime[cells])
-    return exponent_scores(m, prediction.mle, cells) | {
+    regimes = regime_scores(m.regime.ravel()[cells], regime.ravel()[cells])
+    return exponent_scores(m, mle.ravel(), cells) | {
         "accuracy": regimes["regime_accuracy"],
         "chaos_f1": regimes["chaos_f1"],
     }
 
 
 def exponent_scores(m: StabilityMap, predicted: np.ndarray, cells: np.ndarray) -> dict[str, float]:
-    """``rmse``, ``mae`` and, at bearing numbers from :data:`DAMPED` on, ``rmse_undamped``.
+    """Return ``rmse``, ``mae`` and, over bearing numbers from :data:`DAMPED` on, ``rmse_undamped``.
 
     Per revolution, over those of ``cells`` (n,) that have an exponent; ``predicted`` (n,). nan
     where there are none."""

@@ -6,13 +6,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from sklearn.metrics import f1_score
 
 from spab_core.active_learning.committee import (
-    Prediction,
     exponent_scores,
     plane_inputs,
     predict_plane,
@@ -56,7 +56,7 @@ def learning_curve(
     models: Sequence[str] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> pd.DataFrame:
-    """Errors of refining and of random draws of the same numbers of cells.
+    """Compare the errors of refining with those of the same numbers of cells drawn at random.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def learning_curve(
     return pd.DataFrame(rows)
 
 
-def _one_seed(m: StabilityMap, seed: int, names: Sequence[str]) -> Iterator[tuple]:
+def _one_seed(m: StabilityMap, seed: int, names: Sequence[str]) -> Iterator[tuple[Any, ...]]:
     count = m.mle.size
     sizes = {divisor: count // START * (START // divisor) for divisor in DIVISORS}
     rng = np.random.default_rng([seed, 2])
@@ -110,14 +110,8 @@ def _one_seed(m: StabilityMap, seed: int, names: Sequence[str]) -> Iterator[tupl
         ("unsolved", np.ones(count, bool), DIVISORS),
         ("withheld", ~withheld, WITHHELD_DIVISORS),
     ):
-        found: dict[int, dict] = {}
-
-        def watch(solved: np.ndarray, prediction: Prediction, judged=judged, found=found) -> None:
-            found[int(solved.sum())] = scores(
-                m, prediction, withheld if judged == "withheld" else ~solved
-            )
-
-        refine(
+        found = {}
+        for r in refine(
             m.bearing_number,
             m.rotor_mass,
             map_oracle(m),
@@ -125,48 +119,29 @@ def _one_seed(m: StabilityMap, seed: int, names: Sequence[str]) -> Iterator[tupl
             seed,
             allowed=allowed.reshape(m.shape),
             table=table,
-            watch=watch,
-        )
+        ):
+            solved = r.solved.ravel()
+            cells = withheld if judged == "withheld" else ~solved
+            found[int(solved.sum())] = scores(m, r.mle, r.regime, cells)
         for divisor in divisors:
-            yield (
-                "refine",
-                COMMITTEE,
-                judged,
-                divisor,
-                sizes[divisor],
-                seed,
-                *found[sizes[divisor]].values(),
-            )
+            size = sizes[divisor]
+            yield "refine", COMMITTEE, judged, divisor, size, seed, *found[size].values()
         drawn = order[allowed[order]]
         for divisor in DIVISORS:
-            solved = np.zeros(count, bool)
-            solved[drawn[: sizes[divisor]]] = True
+            size, solved = sizes[divisor], np.zeros(count, bool)
+            solved[drawn[:size]] = True
             cells = withheld if judged == "withheld" else ~solved
             prediction = predict_plane(inputs, solved, m.mle.ravel(), m.regime.ravel(), seed)
-            yield (
-                "random",
-                COMMITTEE,
-                judged,
-                divisor,
-                sizes[divisor],
-                seed,
-                *scores(m, prediction, cells).values(),
-            )
-        for name in names:  # on the last draw, the largest
-            yield (
-                "random",
-                name,
-                judged,
-                divisor,
-                sizes[divisor],
-                seed,
-                *_model_scores(m, name, solved, cells, seed),
-            )
+            errors = scores(m, prediction.mle, prediction.regime, cells)
+            yield "random", COMMITTEE, judged, divisor, size, seed, *errors.values()
+        for name in names:  # on the largest random set, the last
+            errors_of = _model_scores(m, name, solved, cells, seed)
+            yield "random", name, judged, divisor, size, seed, *errors_of
 
 
 def _model_scores(
     m: StabilityMap, name: str, solved: np.ndarray, cells: np.ndarray, seed: int
-) -> tuple:
+) -> tuple[Any, ...]:
     number, mass = (
         np.repeat(m.bearing_number, len(m.rotor_mass)),
         np.tile(m.rotor_mass, len(m.bearing_number)),
@@ -188,7 +163,7 @@ def _model_scores(
 
 
 def load_learning_curve(path: Path = LEARNING_CURVE) -> pd.DataFrame:
-    """The rows that ``python benchmarks/learning_curve.py`` wrote.
+    """Read the rows that ``python benchmarks/learning_curve.py`` wrote.
 
     Raises :class:`InputError` where they cannot be read.
     """
@@ -213,8 +188,8 @@ def load_learning_curve(path: Path = LEARNING_CURVE) -> pd.DataFrame:
 
 
 def summary(rows: pd.DataFrame, judged: str = "unsolved") -> pd.DataFrame:
-    """Mean and standard deviation (n - 1) over the seeds of each metric, indexed by strategy, model
-    and divisor.
+    """Return mean and standard deviation (n - 1) over the seeds of each metric, indexed by
+    strategy, model and divisor.
     """
     chosen = rows[rows["judged"] == judged]
     grouped = chosen.groupby(["strategy", "model", "divisor"], sort=False)[list(METRICS)]
@@ -222,8 +197,8 @@ def summary(rows: pd.DataFrame, judged: str = "unsolved") -> pd.DataFrame:
 
 
 def goal(rows: pd.DataFrame, judged: str = "unsolved") -> pd.DataFrame:
-    """The goal of refining: n/16 refined at least as good as n/4 drawn at random, by ``rmse`` and
-    ``chaos_f1``.
+    """Judge the goal of refining: n/16 cells refined at least as good as n/4 drawn at random, by
+    ``rmse`` and ``chaos_f1``.
 
     Returns
     -------

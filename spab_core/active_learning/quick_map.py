@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 
@@ -14,7 +14,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from spab_core.active_learning.oracles import CHUNK, live_oracle
-from spab_core.active_learning.refine import MAX_PLANE, MIN_START, Refinement, refine
+from spab_core.active_learning.refine import MAX_PLANE, MIN_START, Refinement, batch_goals, refine
 from spab_core.common.errors import InputError
 from spab_core.common.validation import check_number
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
@@ -33,8 +33,8 @@ _KEPT_BACK = 0.05  # of the time, for the last prediction and the file
 
 
 def usual_plane(design: Design) -> tuple[str, str]:
-    """Axes for a design, start:stop:count: bearing numbers 0.05 to 8.5, and rotor masses of the
-    loads of the reference map.
+    """Return axes for a design, start:stop:count: bearing numbers 0.05 to 8.5, and rotor masses of
+    the loads of the reference map.
 
     Returns
     -------
@@ -53,7 +53,7 @@ def usual_plane(design: Design) -> tuple[str, str]:
 def check_quick_map(
     bearing_number: str, rotor_mass: str, seconds: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The axes of a quick map. Raises ``InputError`` for a plane or a time out of range."""
+    """Return the axes of a quick map; raise ``InputError`` for a plane or a time out of range."""
     number, mass = axis(bearing_number, "bearing number"), axis(rotor_mass, "rotor mass")
     for name, values, limits in (
         ("bearing number", number, BEARING_NUMBER_RANGE),
@@ -67,7 +67,7 @@ def check_quick_map(
 
 
 def check_cluster(address: str) -> str:
-    """The address of a Dask scheduler, "" for none. Raises ``InputError`` for anything else."""
+    """Return the address of a Dask scheduler, "" for none; raise ``InputError`` for anything else."""
     if not isinstance(address, str) or not re.fullmatch(
         r"((tcp|tls|ws|wss)://[\w.:\[\]-]{1,200}:\d{1,5})?", address
     ):
@@ -79,7 +79,9 @@ def check_cluster(address: str) -> str:
 
 
 def _table(design: Design, number: np.ndarray, mass: np.ndarray) -> LinearTable | None:
-    """What linear theory knows of the plane; None where the design has no static equilibrium."""
+    """Return the table of linear theory over the plane; None where the design has no static
+    equilibrium.
+    """
     if len(number) < 2 or len(mass) < 2:
         return None
     shipped = shipped_table()
@@ -103,12 +105,11 @@ def quick_map(
     *,
     seconds: float = SECONDS,
     seed: int = 0,
-    parts: Path,
+    checkpoint: Path,
     workers: int = 1,
     cluster: str | None = None,
     progress: Callable[[float], None] | None = None,
-    publish: Callable[[Refinement], None] | None = None,
-) -> Refinement:
+) -> Iterator[Refinement]:
     """Solve as many cells as the time allows, where regimes are most in doubt, and predict the
     rest.
 
@@ -121,10 +122,10 @@ def quick_map(
     settings : Settings
         Of each solved cell.
     seconds : float
-        Wall time from now; cells found in ``parts`` cost none of it.
+        Wall time from now; cells found in ``checkpoint`` cost none of it.
     seed : int
         Of the choice of cells.
-    parts : Path
+    checkpoint : Path
         Folder of solved cells (:func:`spab_core.active_learning.oracles.live_oracle`): a run that
         was killed goes on from them.
     workers : int
@@ -133,12 +134,11 @@ def quick_map(
         Address of a Dask scheduler to solve there instead.
     progress : callable
         Called with the seconds gone since the last call.
-    publish : callable
-        Called with the result so far: after the coarse plane, and after each batch.
 
-    Returns
-    -------
+    Yields
+    ------
     Refinement
+        The result so far: after the coarse plane, and after each batch.
 
     Raises
     ------
@@ -164,44 +164,43 @@ def quick_map(
         bearing_number,
         rotor_mass,
         settings,
-        parts=parts,
-        plan={"quick": seed},
+        checkpoint=checkpoint,
+        plan={"refine_quick": seed},
         workers=workers,
         cluster=cluster,
         progress=tick,
     ) as oracle:
         run = partial(
-            refine,
-            bearing_number,
-            rotor_mass,
-            oracle,
-            seed=seed,
-            share=SHARE,
-            metadata=metadata,
-            publish=publish,
+            refine, bearing_number, rotor_mass, oracle, seed=seed, share=SHARE, metadata=metadata
         )
-        first = run(coarse, start=coarse)
+        yield from run(coarse, goals=[coarse])
         table = _table(design, bearing_number, rotor_mass)
         tick()
-        solved_at, solved, pace = time.perf_counter(), 0, 0.0
+        if time.perf_counter() - began <= seconds:
+            start = max(coarse, min(count // 256, count // 4))
+            goals = _goals_in_time(batch_goals(start, count), began + (1 - _KEPT_BACK) * seconds)
+            yield from run(count, table=table, goals=goals)
 
-        def allowance(done: int) -> int:
-            nonlocal solved_at, solved, pace
-            now = time.perf_counter()
-            pace, solved_at, solved = (done - solved) / max(now - solved_at, 1e-3), now, done
-            left = began + (1.0 - _KEPT_BACK) * seconds - now
-            most = int(pace * left)
-            return most if most >= CHUNK else 0
 
-        if time.perf_counter() - began > seconds:
-            return first
-        start = max(coarse, min(count // 256, count // 4))
-        return run(count, start=start, table=table, allowance=allowance)
+def _goals_in_time(goals: Iterable[int], end: float) -> Iterator[int]:
+    """Yield goals, each no further than the pace of the batch before allows until ``end``, a
+    reading of ``time.perf_counter``; stop where that is less than a chunk.
+    """
+    solved, batch, since = 0, 0, 0.0
+    for goal in goals:
+        now = time.perf_counter()
+        if solved:
+            most = int(batch / max(now - since, 1e-3) * (end - now))
+            if most < CHUNK:
+                return
+            goal = min(goal, solved + most)
+        batch, solved, since = goal - solved, goal, now
+        yield goal
 
 
 def as_map(r: Refinement) -> StabilityMap:
-    """Solved cells as they are, the others as predicted, as one map for margins and figures;
-    ``r.solved`` tells them apart.
+    """Return solved cells as they are and the others as predicted, as one map for margins and
+    figures; ``r.solved`` tells them apart.
 
     A predicted cell has the committee's deviation as its standard error, the period and the contact
     of the nearest solved cell of its regime, and no revolutions; where a run is predicted to fail,

@@ -11,15 +11,16 @@ alone, so a run that was killed makes the same choices again."""
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from spab_core.active_learning.committee import LABELS, Prediction, plane_inputs, predict_plane
-from spab_core.active_learning.oracles import Oracle, unsolved_values
 from spab_core.common.arrays import Array, Schema, load
 from spab_core.common.errors import InputError
 from spab_core.common.files import write_atomically
@@ -27,7 +28,8 @@ from spab_core.common.npz import npz_bytes
 from spab_core.common.validation import check_number
 from spab_core.design.model import Design
 from spab_core.linear_theory.linear_table import LinearTable
-from spab_core.maps.stability_map import AXES, CELLS, FIELDS, MapError, check_plane
+from spab_core.maps.compute import CellSolver
+from spab_core.maps.stability_map import AXES, CELLS, FIELDS, MapError, check_plane, unsolved
 from spab_core.solver.stepping import STATUS
 
 MIN_START = 16  # cells
@@ -48,7 +50,7 @@ SUGGESTIONS = 24  # cells named to be solved next
 
 
 def choose_start(shape: tuple[int, int], count: int, seed: int, allowed: np.ndarray) -> np.ndarray:
-    """Space-filling cells: flat indices (count,) among ``allowed`` (n,), from an additive
+    """Return space-filling cells, flat indices (count,) among ``allowed`` (n,), from an additive
     recurrence with a random offset.
 
     The steps are powers of the plastic number's inverse: points k times them, modulo 1, fill a
@@ -57,13 +59,12 @@ def choose_start(shape: tuple[int, int], count: int, seed: int, allowed: np.ndar
     steps = 1.324717957244746 ** -np.arange(1.0, 3.0)
     points = (rng.random(2) + np.arange(20 * count)[:, None] * steps) % 1.0
     cells = np.ravel_multi_index(tuple((points * shape).astype(int).T), shape)
-    others = rng.permutation(
-        allowed.size
-    )  # where few cells are allowed, the recurrence may not meet enough of them
+    # where few cells are allowed, the recurrence may not meet enough of them
+    others = rng.permutation(allowed.size)
     cells = np.concatenate([cells, others])
     cells = cells[allowed[cells]]
     _, first = np.unique(cells, return_index=True)
-    return cells[np.sort(first)[:count]]
+    return np.take(cells, np.sort(first)[:count])
 
 
 def choose_next(
@@ -75,8 +76,8 @@ def choose_next(
     batch: int,
     share: float = EXPONENT_SHARE,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Draw a batch: first by the variance of the exponent, then by the impurity of the regime,
-    never two neighbours.
+    """Choose a batch at random: first weighted by the variance of the exponent, then by the
+    impurity of the regime, never two neighbours.
 
     Parameters
     ----------
@@ -88,16 +89,16 @@ def choose_next(
     size : int
         At most the number of free cells.
     seed, batch : int
-        Of the random draw.
+        Seed of the random numbers: two batches have others.
     share : float
-        Of the batch, drawn by the variance of the exponent.
+        Share of the batch that is chosen by the variance of the exponent.
 
     Returns
     -------
     cells : ndarray of int, (size,)
         Flat indices.
     for_regime : ndarray of bool, (size,)
-        Whether a cell was drawn for its regime rather than for its exponent.
+        Whether a cell was chosen for its regime rather than for its exponent.
     """
     rng = np.random.default_rng([seed, 1, batch])
     rows, columns = shape
@@ -165,7 +166,7 @@ class Refinement:
     unstable: np.ndarray
     suggested: np.ndarray
     suggested_for_regime: np.ndarray
-    metadata: dict = field(default_factory=dict)
+    metadata: dict[str, Any] = field(default_factory=dict)
 
     @property
     def solved(self) -> np.ndarray:
@@ -173,7 +174,7 @@ class Refinement:
         return self.batch >= 0
 
     def suggestions(self) -> pd.DataFrame:
-        """The cells to solve next, one row each, in the order of their choice."""
+        """Return the cells to solve next, one row each, in the order of their choice."""
         row, column = np.unravel_index(self.suggested, self.batch.shape)
         speed = Design.from_dict(self.metadata["design"]).speed_rpm(1.0)
         return pd.DataFrame(
@@ -191,7 +192,7 @@ class Refinement:
 
 
 def check_budget(cells: int, budget: int, seed: int) -> int:
-    """Size of the coarse start of a run.
+    """Return the size of the coarse start of a run.
 
     Raises :class:`InputError` for a plane, budget or seed out of range.
     """
@@ -208,32 +209,32 @@ def check_budget(cells: int, budget: int, seed: int) -> int:
     return max(MIN_START, min(cells // START, int(budget) // 4))
 
 
-def _solved_after_batches(first: int) -> Iterator[int]:
-    while True:
-        steps = min(DOUBLING, max(1, first // BATCH))
-        yield from (round(first * 2.0 ** (k / steps)) for k in range(1, steps + 1))
-        first *= 2
-
-
-Watch = Callable[[np.ndarray, Prediction], None]
+def batch_goals(start: int, budget: int) -> Iterator[int]:
+    """Yield how many cells are solved after each batch: ``start``, then twice as many in
+    :data:`DOUBLING` batches, and so on up to ``budget``.
+    """
+    goal = start
+    yield goal
+    while goal < budget:
+        first, steps = goal, min(DOUBLING, max(1, goal // BATCH))
+        for k in range(1, steps + 1):
+            goal = round(first * 2.0 ** (k / steps))
+            yield min(goal, budget)
 
 
 def refine(
     bearing_number: np.ndarray,
     rotor_mass: np.ndarray,
-    oracle: Oracle,
+    oracle: CellSolver,
     budget: int,
     seed: int = 0,
     *,
     allowed: np.ndarray | None = None,
     table: LinearTable | None = None,
-    watch: Watch | None = None,
-    metadata: dict | None = None,
-    start: int | None = None,
     share: float | None = None,
-    allowance: Callable[[int], int] | None = None,
-    publish: Callable[[Refinement], None] | None = None,
-) -> Refinement:
+    goals: Iterable[int] | None = None,
+    metadata: dict[str, Any] | None = None,
+) -> Iterator[Refinement]:
     """Solve ``budget`` cells of a plane, each batch where the cells solved before leave most in
     doubt.
 
@@ -249,29 +250,23 @@ def refine(
     budget : int
         Cells solved in the end, the start included.
     seed : int
-        Of the start, the trees and the draws.
+        Of all random numbers: the start, the trees and the choice of cells.
     allowed : ndarray of bool, (B, M), optional
         Cells that may be solved, at least ``budget`` of them; left out: all.
     table : LinearTable, optional
         What linear theory knows of the design, for the committee to start from.
-    watch : callable, optional
-        Called after each batch with the solved cells (n,) and what they predict.
+    share : float, optional
+        Share of a batch that is chosen for the exponent rather than for the regime.
+    goals : iterable of int, optional
+        How many cells are solved after each batch, the coarse start first; asked for when the batch
+        before is done. The run ends with it, or at ``budget``. Left out: :func:`batch_goals`.
     metadata : dict, optional
         Of the result; ``design`` is needed for :meth:`Refinement.suggestions`.
-    start : int, optional
-        Cells of the coarse start, at most ``budget``; those of a smaller start are among those of a
-        larger one.
-    share : float, optional
-        Of a batch, drawn for the exponent rather than for the regime.
-    allowance : callable, optional
-        Called with the number of solved cells before each batch: the most cells that it may have; 0
-        ends the run.
-    publish : callable, optional
-        Called with the result so far after each batch.
 
     Returns
     -------
-    Refinement
+    iterator of Refinement
+        The result so far after each batch; nothing is solved before it is asked for.
 
     Raises
     ------
@@ -280,76 +275,67 @@ def refine(
     """
     bearing_number, rotor_mass = np.asarray(bearing_number, float), np.asarray(rotor_mass, float)
     count = check_plane(bearing_number, rotor_mass)
-    first = check_budget(count, budget, seed)
-    if start is not None:
-        first = int(check_number("start", start, MIN_START, budget, "cells"))
-    shape = (len(bearing_number), len(rotor_mass))
+    start = check_budget(count, budget, seed)
     may = np.ones(count, bool) if allowed is None else np.asarray(allowed, bool).ravel()
     if may.size != count or may.sum() < budget:
         raise InputError(
             f"budget = {budget} is out of range: {int(may.sum())} of {may.size} cells may be solved"
         )
-    inputs = plane_inputs(bearing_number, rotor_mass, table)
     if share is None:
         share = EXPONENT_SHARE if table is None else THEORY_SHARE
-    values = {name: unsolved_values(dtype, count) for name, dtype in FIELDS.items()}
-    batch_of = np.full(count, -1, np.int16)
-    cells, batch, goals = choose_start(shape, first, seed, may), 0, _solved_after_batches(first)
-    while True:
+    goals = batch_goals(start, budget) if goals is None else goals
+    about = (metadata or {}) | {"budget": int(budget), "seed": int(seed)}
+    return _batches(bearing_number, rotor_mass, oracle, goals, may, table, share, about)
+
+
+def last(results: Iterable[Refinement]) -> Refinement:
+    """Run a refinement to its end and return its last result."""
+    return deque(results, maxlen=1).pop()
+
+
+def _batches(
+    bearing_number: np.ndarray,
+    rotor_mass: np.ndarray,
+    oracle: CellSolver,
+    goals: Iterable[int],
+    allowed: np.ndarray,
+    table: LinearTable | None,
+    share: float,
+    metadata: dict[str, Any],
+) -> Iterator[Refinement]:
+    shape, seed = (len(bearing_number), len(rotor_mass)), metadata["seed"]
+    inputs = plane_inputs(bearing_number, rotor_mass, table)
+    values = {name: unsolved(dtype, allowed.size) for name, dtype in FIELDS.items()}
+    batch_of = np.full(allowed.size, -1, np.int16)
+    prediction, start = None, 0
+    for batch, goal in enumerate(goals):
+        free = allowed & (batch_of < 0)
+        size = min(goal, metadata["budget"]) - int((batch_of >= 0).sum())
+        if size <= 0:
+            return
+        if prediction is None:
+            start, cells = size, choose_start(shape, size, seed, allowed)
+        else:
+            cells, _ = choose_next(prediction, free, shape, size, seed, batch, share)
         found = oracle(cells)
         for name in FIELDS:
             values[name][cells] = found[name]
-        batch_of[cells] = batch
-        solved = batch_of >= 0
-        prediction = predict_plane(inputs, solved, values["mle"], values["regime"], seed)
-        if watch:
-            watch(solved, prediction)
-        batch += 1
-        done, free = int(solved.sum()), may & ~solved
-        goal = min(next(goals), budget)
-        size = goal - done if allowance is None else min(goal - done, allowance(done))
-        own = {"budget": int(budget), "seed": int(seed), "start": first, "batches": batch}
-        if publish or size <= 0:
-            suggested = choose_next(
-                prediction, free, shape, min(SUGGESTIONS, int(free.sum())), seed, batch, share
-            )
-            result = _refinement(
-                bearing_number,
-                rotor_mass,
-                batch_of,
-                values,
-                prediction,
-                suggested,
-                (metadata or {}) | own,
-            )
-            if publish:
-                publish(result)
-            if size <= 0:
-                return result
-        cells, _ = choose_next(prediction, free, shape, size, seed, batch, share)
-
-
-def _refinement(
-    bearing_number, rotor_mass, batch_of, values, prediction, suggested, metadata
-) -> Refinement:
-    shape = (len(bearing_number), len(rotor_mass))
-    mle, deviation, regime, unstable = (
-        a.reshape(shape)
-        for a in (prediction.mle, prediction.deviation, prediction.regime, prediction.unstable)
-    )
-    return Refinement(
-        bearing_number,
-        rotor_mass,
-        batch_of.reshape(shape).copy(),
-        {k: v.reshape(shape).copy() for k, v in values.items()},
-        mle,
-        deviation,
-        regime,
-        unstable,
-        suggested[0],
-        suggested[1],
-        metadata,
-    )
+        batch_of[cells], free[cells] = batch, False
+        prediction = predict_plane(inputs, batch_of >= 0, values["mle"], values["regime"], seed)
+        most = min(SUGGESTIONS, int(free.sum()))
+        suggested = choose_next(prediction, free, shape, most, seed, batch + 1, share)
+        yield Refinement(
+            bearing_number,
+            rotor_mass,
+            batch_of.reshape(shape).copy(),
+            {name: array.reshape(shape).copy() for name, array in values.items()},
+            prediction.mle.reshape(shape),
+            prediction.deviation.reshape(shape),
+            prediction.regime.reshape(shape),
+            prediction.unstable.reshape(shape),
+            *suggested,
+            metadata | {"start": start, "batches": batch + 1},
+        )
 
 
 _FLOATS = {

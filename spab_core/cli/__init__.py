@@ -2,11 +2,15 @@
 
 Module               What it answers
 -------------------  ----------------------------------------
-main                 Parser, common options, simulate, map, bifurcation, stiffness, export
-design, design_map   Designs: presets, numbers, coefficients, maps of one's own
-margin               How far trouble is
-models, surrogates   Training, predicting, ranking, verifying
+main                 The whole command: its groups, its exit codes
+options              What the commands share: parser, options
+progress             What a long command shows, and says when it is stopped
+point                One operating point: simulate, stiffness, whirl-threshold
+maps                 Many operating points: map, bifurcation, margin, export
+surrogates           evaluate, predict
+models               train, verify
 refine               Where to solve next
+design, design_map   Designs: presets, numbers, coefficients, maps of one's own
 jobs                 Background work
 dashboard            The dashboard
 """

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import socket
+from argparse import Namespace
 
+from spab_core.cli import options
+from spab_core.cli.options import Answer, Commands
 from spab_core.common.errors import InputError
 from spab_core.common.paths import HOME
 from spab_core.common.validation import check_number
@@ -12,22 +15,22 @@ from spab_core.trajectory import compiling
 ADDRESS, PORT = "127.0.0.1", 8501
 
 
-def add_command(commands, whole) -> None:
-    """Add the command to the parser's; ``whole`` reads an integer."""
+def add_commands(commands: Commands) -> None:
+    """Add the command to the parser's."""
     text = "open the dashboard in the browser"
     sub = commands.add_parser("dashboard", help=text, description=text, allow_abbrev=False)
-    sub.add_argument("--port", type=whole, default=PORT, help=f"left out: {PORT}")
+    sub.add_argument("--port", type=options.whole, default=PORT, help=f"left out: {PORT}")
     sub.add_argument(
         "--address",
         default=ADDRESS,
-        help=f"left out: {ADDRESS}, this machine alone; 0.0.0.0: whoever reaches it",
+        help=f"left out: {ADDRESS}, this machine alone; 0.0.0.0: open to the network",
     )
     sub.add_argument("--headless", action="store_true", help="open no browser")
-    sub.set_defaults(run=_dashboard, json=False)
+    sub.set_defaults(run=_dashboard, prog=sub.prog, json=False)
 
 
 def check_free(address: str, port: int) -> None:
-    """Raise ``InputError`` unless a server may listen there."""
+    """Raise ``InputError`` unless a server can listen at the address and port."""
     check_number("--port", port, 1, 65535)
     try:
         family, kind, protocol, _, place = socket.getaddrinfo(
@@ -38,28 +41,23 @@ def check_free(address: str, port: int) -> None:
             f"--address = {address[:100]!r} is no address of this machine, such as {ADDRESS}"
         ) from None
     with socket.socket(family, kind, protocol) as trial:
-        if not hasattr(
-            socket, "SO_EXCLUSIVEADDRUSE"
-        ):  # on Windows it would let two servers share a port
-            trial.setsockopt(
-                socket.SOL_SOCKET, socket.SO_REUSEADDR, 1
-            )  # as the server does: a port just left is free
+        # as the server does: a port just left is free; on Windows two servers would share a port
+        if not hasattr(socket, "SO_EXCLUSIVEADDRUSE"):
+            trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             trial.bind(place)
         except PermissionError:
             raise InputError(
-                f"--port = {port} is not allowed to you on this machine: give another one, from "
-                "1024 on"
+                f"--port = {port} is reserved on this machine: give one from 1024 to 65535"
             ) from None
         except OSError as error:
             raise InputError(
                 f"--port = {port} cannot be used on {address} ({error.strerror or error}): is a "
-                "dashboard open "
-                "there already? Give another --port"
+                "dashboard open there already? Give another --port"
             ) from None
 
 
-def _dashboard(args) -> dict:
+def _dashboard(args: Namespace) -> Answer:
     check_free(args.address, args.port)
     compiling.start()  # before a page asks for the kernels
     from streamlit.web.cli import main  # half a second that other commands need not wait

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
 from pathlib import Path
 
 from tqdm import tqdm
 
-from spab_core.cli.surrogates import step_bar
+from spab_core.cli import options
+from spab_core.cli.options import Answer, Commands
+from spab_core.cli.progress import step_bar
+from spab_core.cli.surrogates import held_out_text
 from spab_core.common.errors import InputError
 from spab_core.common.files import check_output, check_writable
 from spab_core.common.validation import check_number
@@ -22,37 +26,23 @@ from spab_core.surrogates.metrics import SEEDS, errors
 from spab_core.surrogates.models import DIVISORS, MODELS, model
 
 
-def add_commands(commands, whole) -> None:
-    """Add the commands to the parser's; ``whole`` reads an integer."""
-
-    def command(name, text):
-        sub = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
-        sub.add_argument(
-            "--folder",
-            metavar="DIR",
-            help="of the shipped files; left out: artifacts/ of this installation",
-        )
-        sub.add_argument("--json", action="store_true", help="print one JSON object")
-        return sub
-
-    sub = command(
-        "train", "train one surrogate and keep it, or with --all everything that is shipped"
+def add_commands(commands: Commands) -> None:
+    """Add the commands to the parser's."""
+    sub = options.add_command(
+        commands,
+        "train",
+        "train one surrogate and keep it, or with --all everything that is shipped",
+        _train,
+        "--map",
     )
     sub.add_argument("--model", help=", ".join(MODELS))
-    sub.add_argument("--divisor", type=whole, help="train on n/DIVISOR of the cells")
-    sub.add_argument(
-        "--seed", type=whole, help="of the draw of the training cells and of the model; left out: 0"
-    )
+    options.add(sub, "--divisor")
+    options.add(sub, "--seed", default=None)
     sub.add_argument(
         "--out",
         metavar="FILE.joblib",
-        help="write the model there, not into the cache; FILE.joblib.json says "
-        "what it was made from",
-    )
-    sub.add_argument(
-        "--map",
-        metavar="FILE.npz",
-        help="map file; left out: the shipped map of the reference design",
+        help="write the model there, not into the cache; FILE.joblib.json says what it was made "
+        "from",
     )
     sub.add_argument(
         "--all",
@@ -61,32 +51,37 @@ def add_commands(commands, whole) -> None:
     )
     sub.add_argument(
         "--seeds",
-        type=whole,
-        help=f"with --all: draws of the training cells; left out: {len(SEEDS)}",
+        type=options.whole,
+        help=f"with --all: how many draws of the training cells; left out: {len(SEEDS)}",
     )
-    sub.add_argument("--workers", type=whole, help="with --all: processes; left out: 1")
-    sub.set_defaults(run=_train)
-
-    sub = command(
+    options.add(sub, "--workers", default=None, help="with --all: processes; left out: 1")
+    verifier = options.add_command(
+        commands,
         "verify",
         "check the shipped files: checksums, versions, design, map; that models predict what is "
         "shipped",
+        _verify,
     )
-    sub.set_defaults(run=_verify)
+    for command in (sub, verifier):
+        command.add_argument(
+            "--folder",
+            metavar="DIR",
+            help="of the shipped files; left out: artifacts/ of this installation",
+        )
 
 
-def _folder(args) -> Path:
+def _folder(args: Namespace) -> Path:
     folder = ARTIFACTS if args.folder is None else Path(args.folder)
     if "\0" in str(folder) or not folder.is_dir():
         raise InputError(f"--folder = {str(folder)[:200]!r} is not a folder")
     return folder
 
 
-def _map(args, folder: Path) -> StabilityMap:
+def _map(args: Namespace, folder: Path) -> StabilityMap:
     return load_reference_map(folder) if args.map is None else load_map(args.map)
 
 
-def _train(args) -> dict:
+def _train(args: Namespace) -> Answer:
     if args.all == (args.model is not None):
         raise InputError("give either --model with --divisor, or --all")
     belongs = {"--all": ("seeds", "workers"), "--model": ("divisor", "seed", "out")}
@@ -96,11 +91,11 @@ def _train(args) -> dict:
     return _train_all(args) if args.all else _train_one(args)
 
 
-def _train_all(args) -> dict:
+def _train_all(args: Namespace) -> Answer:
     seeds = len(SEEDS) if args.seeds is None else args.seeds
     workers = 1 if args.workers is None else args.workers
     check_number("--seeds", seeds, 1, 1000)
-    check_number("--workers", workers, 1, 1024)
+    check_number("--workers", workers, 1, options.MAX_WORKERS)
     folder = _folder(args)
     if args.map is not None and args.folder is None:
         raise InputError(
@@ -109,12 +104,11 @@ def _train_all(args) -> dict:
         )
     check_writable(folder, "what is trained")
     m = _map(args, folder)
-    kinds = list(MODELS.values())
-    with tqdm(
-        total=trainings(kinds, DIVISORS, range(seeds)), unit="training", smoothing=0.05
-    ) as bar:
+    models = list(MODELS.values())
+    total = trainings(models, DIVISORS, range(seeds))
+    with tqdm(total=total, unit="training", smoothing=0.05) as bar:
         written = rebuild(
-            m, folder, models=kinds, seeds=range(seeds), workers=workers, progress=bar.update
+            m, folder, models=models, seeds=range(seeds), workers=workers, progress=bar.update
         )
     if not args.json:
         print(
@@ -123,14 +117,14 @@ def _train_all(args) -> dict:
     return {"folder": str(folder), "files": written}
 
 
-def _train_one(args) -> dict:
+def _train_one(args: Namespace) -> Answer:
     kind, seed = model(args.model), 0 if args.seed is None else args.seed
     if args.divisor is None:
         raise InputError(
             "--divisor is missing: train on n/DIVISOR of the cells, such as --divisor 2"
         )
     check_number("--divisor", args.divisor, 1, 100_000)
-    check_number("--seed", seed, 0, 2**32 - 1)
+    check_number("--seed", seed, 0, options.MAX_SEED)
     if args.out is not None:
         check_output(args.out, "--out")
     m = _map(args, _folder(args))
@@ -152,12 +146,7 @@ def _train_one(args) -> dict:
         model_cache.write(path, dump(surrogate.estimator), noted)
     found = {k: v for k, v in errors(m, predicted).items() if k.endswith("held_out")}
     if not args.json:
-        told = (
-            f"; held-out RMSE {found['rmse_held_out']:.4f}, MAE {found['mae_held_out']:.4f} per "
-            "revolution"
-            if found
-            else ""
-        )
+        told = f"; {held_out_text(found)}" if found else ""
         print(
             f"{kind.label} trained on {surrogate.training_cells:,} cells in "
             f"{surrogate.seconds:.2f} s{told}; kept in {path}"
@@ -177,7 +166,7 @@ def _train_one(args) -> dict:
     )
 
 
-def _verify(args) -> dict:
+def _verify(args: Namespace) -> Answer:
     found = []
     for check in verify(_folder(args)):
         found.append(

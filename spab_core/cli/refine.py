@@ -4,43 +4,44 @@ from __future__ import annotations
 
 import json
 import sys
-from functools import partial
+from argparse import Namespace
 from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
-from spab_core.active_learning.committee import LABELS, Prediction, scores
+from spab_core.active_learning.committee import LABELS, scores
 from spab_core.active_learning.oracles import live_oracle, map_oracle
-from spab_core.active_learning.refine import Refinement, check_budget, refine, save_refinement
-from spab_core.cli.jobs import kept_when_stopped
+from spab_core.active_learning.refine import Refinement, check_budget, last, refine, save_refinement
+from spab_core.cli import options
+from spab_core.cli.options import Answer, Commands
+from spab_core.cli.progress import resumable, say_compiling
 from spab_core.common.errors import InputError
 from spab_core.common.files import check_output
 from spab_core.common.validation import check_number
 from spab_core.design.model import Design
 from spab_core.linear_theory.linear_table import PLANE, LinearTable, shipped_table, table_for
-from spab_core.maps.checkpoints import remove_parts
 from spab_core.maps.stability_map import axis, check_plane, load_map
 from spab_core.trajectory.provenance import map_metadata
 
 _SHOWN = 5  # suggestions printed; the file holds all
 
 
-def add_command(command, run_options, whole, solver) -> None:
-    """Add the command to the parser's.
-
-    ``command`` and ``run_options`` add a command and the solver's options, ``whole`` reads an
-    integer, ``solver`` makes design and settings from the arguments and says when the solver must
-    be compiled."""
-    sub = command(
+def add_commands(commands: Commands) -> None:
+    """Add the command to the parser's."""
+    sub = options.add_command(
+        commands,
         "refine",
         "solve the cells of a plane that are worth solving, from a coarse start, and predict the "
         "others",
+        _refine,
     )
-    sub.add_argument("--bearing-number", metavar="START:STOP:COUNT")
-    sub.add_argument("--rotor-mass", metavar="START:STOP:COUNT", help="kg on one bearing")
+    options.add(sub, "--bearing-number", "--rotor-mass", **options.AXIS)
     sub.add_argument(
-        "--budget", type=whole, required=True, help="cells to solve, the coarse start included"
+        "--budget",
+        type=options.whole,
+        required=True,
+        help="cells to solve, the coarse start included",
     )
     sub.add_argument(
         "--out",
@@ -48,52 +49,26 @@ def add_command(command, run_options, whole, solver) -> None:
         metavar="FILE.npz",
         help="solved cells, predicted exponent and regime of all cells, and what to solve next",
     )
-    sub.add_argument("--workers", type=whole, default=1, help="processes")
-    sub.add_argument(
-        "--dask",
-        metavar="ADDRESS",
-        help="scheduler of a Dask cluster, such as tcp://host:8786, to solve there",
+    options.add(sub, "--seed", help="of the start, the trees and the choice of cells; left out: 0")
+    options.add(
+        sub, "--map", help="a study: plane and values from this map, none solved; errors told"
     )
-    sub.add_argument("--seed", type=whole, default=0, help="of the start, the trees and the draws")
-    sub.add_argument(
-        "--map",
-        metavar="FILE.npz",
-        help="a study: plane and values from this map, none solved; errors told",
-    )
-    run_options(sub, 300)
-    own = {"workers": sub.get_default("workers")}
-    own |= {
-        name: sub.get_default(name)
-        for name in (
-            "design",
-            "mesh",
-            "transient",
-            "revolutions",
-            "method",
-            "scheme",
-            "tolerance",
-            "full_length",
-        )
-    }
-    sub.set_defaults(
-        run=partial(
-            _refine,
-            solver=solver,
-            unused=own | dict.fromkeys(("bearing_number", "rotor_mass", "dask")),
-        )
-    )
+    options.add(sub, "--workers", "--dask", *options.SOLVER)
+    solving = ("--bearing-number", "--rotor-mass", "--workers", "--dask", *options.SOLVER)
+    unused = {option: sub.get_default(options.destination(option)) for option in solving}
+    sub.set_defaults(unused_in_a_study=unused)
 
 
-def _refine(args, solver, unused) -> dict:
+def _refine(args: Namespace) -> Answer:
     check_output(args.out, "--out")
-    return _study(args, unused) if args.map is not None else _solve(args, *solver)
+    return _solve(args) if args.map is None else _study(args)
 
 
-def _study(args, unused) -> dict:
+def _study(args: Namespace) -> Answer:
     given = [
-        f"--{name.replace('_', '-')}"
-        for name, default in unused.items()
-        if getattr(args, name) != default
+        option
+        for option, default in args.unused_in_a_study.items()
+        if getattr(args, options.destination(option)) != default
     ]
     if given:
         raise InputError(
@@ -101,34 +76,28 @@ def _study(args, unused) -> dict:
         )
     m = load_map(args.map)
     check_budget(m.mle.size, args.budget, args.seed)
-    last: list[Prediction] = []
-
-    def watch(solved: np.ndarray, prediction: Prediction) -> None:
-        last[:] = [prediction]
-        bar.update(int(solved.sum()) - bar.n)
-
     table = _table(m.design, m.bearing_number, m.rotor_mass)
     with tqdm(total=args.budget, unit="cell", smoothing=0.05) as bar:
-        result = refine(
+        for result in refine(
             m.bearing_number,
             m.rotor_mass,
             map_oracle(m),
             args.budget,
             args.seed,
             table=table,
-            watch=watch,
             metadata=m.metadata | {"study": True},
-        )
+        ):
+            bar.update(int(result.solved.sum()) - bar.n)
     save_refinement(result, args.out)
     found = {
         name: value if np.isfinite(value) else None
-        for name, value in scores(m, last[0], ~result.solved.ravel()).items()
+        for name, value in scores(m, result.mle, result.regime, ~result.solved.ravel()).items()
     }
     return _answer(args, result, {f"{name}_held_out": value for name, value in found.items()})
 
 
 def _table(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray) -> LinearTable:
-    """Linear theory over the plane; says so first where it must be computed."""
+    """Return linear theory over the plane; say so first where it must be computed."""
     plane = tuple((float(a.min()), float(a.max())) for a in (bearing_number, rotor_mass))
     inside = all(
         least <= low and high <= most
@@ -142,56 +111,55 @@ def _table(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray) -
     return table_for(design, plane)
 
 
-def _solve(args, design, settings, say_compiling) -> dict:
+def _solve(args: Namespace) -> Answer:
     if args.bearing_number is None or args.rotor_mass is None:
         raise InputError(
             "the plane is missing: give --bearing-number and --rotor-mass, or --map for a study"
         )
-    bearing_number, rotor_mass = (
-        axis(args.bearing_number, "--bearing-number"),
-        axis(args.rotor_mass, "--rotor-mass"),
-    )
+    bearing_number = axis(args.bearing_number, "--bearing-number")
+    rotor_mass = axis(args.rotor_mass, "--rotor-mass")
     start = check_budget(check_plane(bearing_number, rotor_mass), args.budget, args.seed)
-    check_number("--workers", args.workers, 1, 1024)
-    chosen, how = design(args), settings(args)
+    check_number("--workers", args.workers, 1, options.MAX_WORKERS)
+    design, settings = options.design_of(args), options.settings_of(args)
     parts = Path(f"{args.out}.parts")
-    metadata = map_metadata(chosen, how, (len(bearing_number), len(rotor_mass))) | {"study": False}
+    metadata = map_metadata(design, settings, (len(bearing_number), len(rotor_mass))) | {
+        "study": False
+    }
     with (
         tqdm(total=args.budget, unit="cell", smoothing=0.05) as bar,
-        kept_when_stopped(bar, parts, "solved cells"),
+        resumable(bar, parts, "solved cells"),
         live_oracle(
-            chosen,
+            design,
             bearing_number,
             rotor_mass,
-            how,
-            parts=parts,
-            plan={"seed": args.seed, "start": start},
+            settings,
+            checkpoint=parts,
+            plan={"refine_seed": args.seed, "refine_start": start},
             workers=args.workers,
             cluster=args.dask,
             progress=bar.update,
         ) as oracle,
     ):
         say_compiling()
-        table = _table(chosen, bearing_number, rotor_mass)
-        result = refine(
-            bearing_number,
-            rotor_mass,
-            oracle,
-            args.budget,
-            args.seed,
-            table=table,
-            metadata=metadata,
+        table = _table(design, bearing_number, rotor_mass)
+        result = last(
+            refine(
+                bearing_number,
+                rotor_mass,
+                oracle,
+                args.budget,
+                args.seed,
+                table=table,
+                metadata=metadata,
+            )
         )
         save_refinement(result, args.out)
-    remove_parts(parts)
     return _answer(args, result, {})
 
 
-def _answer(args, result: Refinement, found: dict) -> dict:
-    solved, failed = (
-        int(result.solved.sum()),
-        int((result.values["status"][result.solved] != "ok").sum()),
-    )
+def _answer(args: Namespace, result: Refinement, found: dict[str, float | None]) -> Answer:
+    solved = int(result.solved.sum())
+    failed = int((result.values["status"][result.solved] != "ok").sum())
     names = [name for name in LABELS if (result.regime == name).any()]
     regimes = {name or "no exponent": int((result.regime == name).sum()) for name in names}
     suggested = result.suggestions()
@@ -219,8 +187,7 @@ def _answer(args, result: Refinement, found: dict) -> dict:
         for row in suggested.head(_SHOWN).itertuples():
             print(
                 f"solve next: bearing number {row.bearing_number:g} ({row.speed_rpm:,.0f} rpm), "
-                "rotor mass "
-                f"{row.rotor_mass_kg:g} kg: {row.in_doubt} in doubt, "
+                f"rotor mass {row.rotor_mass_kg:g} kg: {row.in_doubt} in doubt, "
                 f"{row.predicted_regime or 'no exponent'} with MLE "
                 f"{row.predicted_mle:+.3f} ± {row.deviation:.3f} expected"
             )

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import json
 import sys
+from argparse import Namespace
+from collections.abc import Iterable
 
 import numpy as np
 from tqdm import tqdm
 
+from spab_core.cli import options
+from spab_core.cli.options import Answer, Commands
+from spab_core.cli.progress import step_bar
 from spab_core.common.errors import InputError
-from spab_core.common.files import check_output, write_atomically
+from spab_core.common.files import check_output, csv_bytes, write_atomically
 from spab_core.common.validation import check_number
 from spab_core.design.limits import check_point
 from spab_core.maps.stability_map import StabilityMap, load_map
@@ -27,22 +30,14 @@ from spab_core.surrogates.uncertainty import CONFIDENCE, TooFewCells
 UNCERTAIN = "theory-trees"  # whose intervals are evaluated unless others are asked for
 
 
-def add_commands(commands, number, whole) -> None:
-    """Add the commands to the parser's; ``number`` and ``whole`` read a float and an integer."""
-
-    def command(name, text):
-        sub = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
-        sub.add_argument(
-            "--map",
-            metavar="FILE.npz",
-            help="map file; left out: the shipped map of the reference design",
-        )
-        sub.add_argument("--json", action="store_true", help="print one JSON object")
-        return sub
-
-    sub = command(
+def add_commands(commands: Commands) -> None:
+    """Add the commands to the parser's."""
+    sub = options.add_command(
+        commands,
         "evaluate",
         "errors of surrogate models trained on fractions of a map, by the paper's protocol",
+        _evaluate,
+        "--map",
     )
     sub.add_argument(
         "--models",
@@ -51,8 +46,8 @@ def add_commands(commands, number, whole) -> None:
     sub.add_argument(
         "--split",
         default="random",
-        help="random: training cells drawn from the whole plane; blocks: whole "
-        "rectangles of the plane withheld, errors measured there",
+        help="random: training cells drawn from the whole plane; blocks: whole rectangles of the "
+        "plane withheld, errors measured there",
     )
     sub.add_argument(
         "--uncertainty",
@@ -65,45 +60,31 @@ def add_commands(commands, number, whole) -> None:
         help="training sets of n/2, n/3, ...: 2,3,...",
     )
     sub.add_argument(
-        "--seeds", type=whole, default=len(SEEDS), help="how many draws of the training cells"
+        "--seeds",
+        type=options.whole,
+        default=len(SEEDS),
+        help="how many draws of the training cells",
     )
-    sub.add_argument("--workers", type=whole, default=1, help="processes")
+    options.add(sub, "--workers")
     sub.add_argument("--out", metavar="FILE.csv", help="write the scores, one row a training")
-    sub.set_defaults(run=_evaluate)
 
-    sub = command(
+    sub = options.add_command(
+        commands,
         "predict",
         "predict a point or the whole map by a surrogate: shipped, trained before on this "
         "machine, or now",
+        _predict,
+        "--map",
     )
     sub.add_argument("--model", required=True, help=", ".join(MODELS))
-    sub.add_argument("--divisor", type=whole, default=2, help="train on n/DIVISOR of the cells")
-    sub.add_argument(
-        "--seed", type=whole, default=0, help="of the draw of the training cells and of the model"
-    )
-    sub.add_argument("--rotor-mass", type=number, help="kg on one bearing")
-    sub.add_argument("--bearing-number", type=number)
+    options.add(sub, "--divisor", default=2)
+    options.add(sub, "--seed", "--rotor-mass", "--bearing-number")
     sub.add_argument(
         "--out", metavar="FILE.npz", help="write the predicted map: mle, trained, and the axes"
     )
-    sub.set_defaults(run=_predict)
 
 
-@contextlib.contextmanager
-def step_bar():
-    """A bar for what takes more than half a second; yields a function of the steps done and the
-    steps in all.
-    """
-    with tqdm(unit="step", leave=False, delay=0.5) as bar:
-
-        def step(done, total):
-            bar.total = total
-            bar.update(done - bar.n)
-
-        yield step
-
-
-def _load(args) -> StabilityMap:
+def _load(args: Namespace) -> StabilityMap:
     return load_reference_map() if args.map is None else load_map(args.map)
 
 
@@ -121,25 +102,24 @@ def _whole_numbers(text: str, name: str, low: int, high: int) -> list[int]:
     return values
 
 
-def _evaluate(args) -> dict:
+def _evaluate(args: Namespace) -> Answer:
     names = args.models or (UNCERTAIN if args.uncertainty else ",".join(MODELS))
-    kinds = [model(name.strip()) for name in names.split(",")]
+    models = [model(name.strip()) for name in names.split(",")]
     if args.split not in SPLITS:
         raise InputError(
             f"--split = {args.split[:40]!r} is not allowed: choose {', '.join(SPLITS)}"
         )
     divisors = _whole_numbers(args.divisors, "--divisors", 2, 100_000)
     check_number("--seeds", args.seeds, 1, 1000)
-    check_number("--workers", args.workers, 1, 1024)
+    check_number("--workers", args.workers, 1, options.MAX_WORKERS)
     if args.out is not None:
         check_output(args.out, "--out")
     m = _load(args)
-    with tqdm(
-        total=len(kinds) * len(divisors) * args.seeds, unit="training", smoothing=0.05
-    ) as bar:
+    trainings = len(models) * len(divisors) * args.seeds
+    with tqdm(total=trainings, unit="training", smoothing=0.05) as bar:
         scores = evaluate(
             m,
-            kinds,
+            models,
             divisors,
             range(args.seeds),
             split=args.split,
@@ -148,9 +128,7 @@ def _evaluate(args) -> dict:
             progress=bar.update,
         )
     if args.out is not None:
-        text = io.StringIO()
-        scores.to_csv(text, index=False, lineterminator="\n")
-        write_atomically(args.out, text.getvalue().encode())
+        write_atomically(args.out, csv_bytes(scores))
     answer = {
         "split": args.split,
         "scores": json.loads(scores.to_json(orient="records", double_precision=15)),
@@ -171,7 +149,7 @@ def _evaluate(args) -> dict:
             ("RMSE per revolution", "rmse_held_out"),
             ("MAE per revolution", "mae_held_out"),
             ("Regime accuracy by thresholds of the predicted exponent", "regime_accuracy"),
-            ("F1 of chaos, likewise", "chaos_f1"),
+            ("F1 of chaos, by the same thresholds", "chaos_f1"),
         ):
             print(f"{title}, {where}")
             print(table(scores, column).to_string(float_format="{:.4f}".format))
@@ -179,84 +157,41 @@ def _evaluate(args) -> dict:
     return answer
 
 
-def _predict(args) -> dict:
+def _predict(args: Namespace) -> Answer:
     kind = model(args.model)
-    point = (args.bearing_number, args.rotor_mass)
-    if (point[0] is None) != (point[1] is None):
-        raise InputError(
-            "--bearing-number and --rotor-mass belong together: give both, or neither for the "
-            "whole map"
-        )
-    if point[0] is None and args.out is None:
+    point = _point(args)
+    if point is None and args.out is None:
         raise InputError(
             "nothing to predict: give --bearing-number and --rotor-mass, or --out for the whole map"
         )
-    check_number("--seed", args.seed, 0, 2**32 - 1)
+    check_number("--seed", args.seed, 0, options.MAX_SEED)
     check_number("--divisor", args.divisor, 1, 100_000)
     if args.out is not None:
         check_output(args.out, "--out")
-    m = _load(args)
-    answer: dict = {}
-    if point[0] is not None:
-        check_point(point[1], point[0])
-        inside = [
-            bool(axis.min() <= value <= axis.max())
-            for axis, value in zip((m.bearing_number, m.rotor_mass), point, strict=True)
-        ]
-        if not all(inside):
-            number, mass = (
-                (float(axis.min()), float(axis.max())) for axis in (m.bearing_number, m.rotor_mass)
-            )
-            print(
-                f"spab: the point lies outside the map (bearing number {number[0]:g} to "
-                f"{number[1]:g}, rotor mass "
-                f"{mass[0]:g} to {mass[1]:g} kg): the model extrapolates",
-                file=sys.stderr,
-            )
-        answer["inside_map"] = all(inside)
+    m, folder = _load(args), ARTIFACTS if args.map is None else None
+    answer: Answer = {} if point is None else {"inside_map": _inside(m, *point)}
     with step_bar() as step:
-        found = find_model(
-            m,
-            kind,
-            args.divisor,
-            args.seed,
-            folder=ARTIFACTS if args.map is None else None,
-            progress=step,
-        )
-    for note in found.notes:
-        print(f"spab: {note}", file=sys.stderr)
+        found = find_model(m, kind, args.divisor, args.seed, folder=folder, progress=step)
+    _say(found.notes)
     predicted = predict_with(m, found.surrogate, args.divisor)
-    answer |= {
-        name: value for name, value in errors(m, predicted).items() if name.endswith("held_out")
-    }
-    new = found.origin == "trained"
-    answer |= {
+    surrogate, new = predicted.surrogate, found.origin == "trained"
+    held_out = {k: v for k, v in errors(m, predicted).items() if k.endswith("held_out")}
+    answer |= held_out | {
         "model": kind.name,
-        "training_cells": predicted.surrogate.training_cells,
+        "training_cells": surrogate.training_cells,
         "origin": found.origin,
-        "train_seconds": predicted.surrogate.seconds if new else None,
-        "converged": predicted.surrogate.converged,
+        "train_seconds": surrogate.seconds if new else None,
+        "converged": surrogate.converged,
     }
-    text = [
-        f"{kind.label} trained on {predicted.surrogate.training_cells:,} cells "
-        + (f"in {predicted.surrogate.seconds:.2f} s" if new else f"({found.origin})")
-    ]
-    if "rmse_held_out" in answer:
-        text.append(
-            f"held-out RMSE {answer['rmse_held_out']:.4f}, MAE {answer['mae_held_out']:.4f} per "
-            "revolution"
-        )
-    if point[0] is not None:
-        answer["mle_per_revolution"] = float(predicted.surrogate.predict(*point))
+    text = []
+    if point is not None:
+        answer["mle_per_revolution"] = float(surrogate.predict(*map(np.asarray, point)))
         answer |= _certainty(args, m, kind, *point)
-        text.insert(0, f"MLE {answer['mle_per_revolution']:+.4f} per revolution, predicted")
-        text.insert(1, f"{answer['regime']}, by the classifier")
-        if answer["interval_90"]:
-            low, high = answer["interval_90"]
-            text.insert(1, f"{CONFIDENCE:.0%} interval {low:+.4f} to {high:+.4f}")
-            text.insert(
-                3, f"probability of instability (not periodic) {answer['probability_unstable']:.3f}"
-            )
+        text += _point_text(answer)
+    how = f"in {surrogate.seconds:.2f} s" if new else f"({found.origin})"
+    text.append(f"{kind.label} trained on {surrogate.training_cells:,} cells {how}")
+    if held_out:
+        text.append(held_out_text(held_out))
     if args.out is not None:
         write_atomically(args.out, prediction_npz(m, predicted))
         answer["out"] = args.out
@@ -266,25 +201,80 @@ def _predict(args) -> dict:
     return answer
 
 
-def _certainty(args, m: StabilityMap, kind: Model, number: float, mass: float) -> dict:
-    """Regime, interval and probability of instability at a point, from the same training cells as
-    the prediction.
+def _point(args: Namespace) -> tuple[float, float] | None:
+    """Return the bearing number and rotor mass asked for, checked; None for the whole map."""
+    if (args.bearing_number is None) != (args.rotor_mass is None):
+        raise InputError(
+            "--bearing-number and --rotor-mass belong together: give both, or neither for the "
+            "whole map"
+        )
+    if args.bearing_number is None:
+        return None
+    check_point(args.rotor_mass, args.bearing_number)
+    return args.bearing_number, args.rotor_mass
+
+
+def _inside(m: StabilityMap, bearing_number: float, rotor_mass: float) -> bool:
+    """Return whether the point lies in the map; say so where it does not."""
+    (b0, b1), (m0, m1) = (
+        (float(axis.min()), float(axis.max())) for axis in (m.bearing_number, m.rotor_mass)
+    )
+    inside = b0 <= bearing_number <= b1 and m0 <= rotor_mass <= m1
+    if not inside:
+        _say(
+            [
+                f"the point lies outside the map (bearing number {b0:g} to {b1:g}, rotor mass "
+                f"{m0:g} to {m1:g} kg): the model extrapolates"
+            ]
+        )
+    return inside
+
+
+def _say(notes: Iterable[str]) -> None:
+    for note in notes:
+        print(f"spab: {note}", file=sys.stderr)
+
+
+def _point_text(answer: Answer) -> list[str]:
+    text = [f"MLE {answer['mle_per_revolution']:+.4f} per revolution, predicted"]
+    regime = f"{answer['regime']}, by the classifier"
+    if not answer["interval_90"]:
+        return [*text, regime]
+    low, high = answer["interval_90"]
+    return [
+        *text,
+        f"{CONFIDENCE:.0%} interval {low:+.4f} to {high:+.4f}",
+        regime,
+        f"probability of instability (not periodic) {answer['probability_unstable']:.3f}",
+    ]
+
+
+def held_out_text(held_out: dict[str, float]) -> str:
+    """Return the errors on held-out cells in words."""
+    rmse, mae = held_out["rmse_held_out"], held_out["mae_held_out"]
+    return f"held-out RMSE {rmse:.4f}, MAE {mae:.4f} per revolution"
+
+
+def _certainty(
+    args: Namespace, m: StabilityMap, kind: Model, bearing_number: float, rotor_mass: float
+) -> Answer:
+    """Return regime, interval and probability of instability at a point, from the same training
+    cells as the prediction.
     """
-    at = np.array([number]), np.array([mass])
+    at = np.array([bearing_number]), np.array([rotor_mass])
     try:
         found, notes = find_certainty(
             m, kind, args.divisor, args.seed, folder=ARTIFACTS if args.map is None else None
         )
     except TooFewCells as error:
-        print(f"spab: no interval: {error}", file=sys.stderr)
+        _say([f"no interval: {error}"])
         classifier = predict_regimes(m, args.divisor, args.seed).classifier
         return {
             "regime": str(classifier.predict(np.column_stack(at))[0]),
             "interval_90": None,
             "probability_unstable": None,
         }
-    for note in notes:
-        print(f"spab: {note}", file=sys.stderr)
+    _say(notes)
     low, high = found.calibrated.intervals(*at)
     return {
         "regime": str(found.regimes.predict(np.column_stack(at))[0]),

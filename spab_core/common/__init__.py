@@ -2,12 +2,14 @@
 
 Module               What it answers
 -------------------  ----------------------------------------
-errors               InputError: what a person gave is wrong, told in a sentence
+errors               InputError: what is wrong with an input, in a sentence
 validation           Numbers that a person gave, checked against their range
 files                Files written whole or not at all; CSV
 arrays               What each kind of NPZ file must hold: a schema, checked on loading
 npz                  NPZ files: written the same to the byte, read with care
 paths                Where the dashboard, the shipped files and the documents lie
 private_folders      Folders of this user alone
+processes            Worker processes end with the one that started them
+source_hash          A hash of source code by what it does
 threads              How many threads linear algebra may use
 """

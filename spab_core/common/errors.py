@@ -1,13 +1,11 @@
-"""Errors of user input; each message is a sentence for the user."""
+"""Errors in what a person gave, told in one sentence without a traceback."""
 
 from __future__ import annotations
 
 
 class InputError(ValueError):
-    """User input is wrong; the message is a sentence that names it, its value and what is allowed."""
+    """An input is wrong; the message is a sentence that names it and says what is allowed."""
 
 
 class DesignError(InputError):
-    """A design value that is missing, unknown, of the wrong kind or out of range; the message says
-    which and why.
-    """
+    """A value of a design is missing, unknown, of the wrong kind or out of range."""

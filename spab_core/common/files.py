@@ -19,8 +19,8 @@ _T = TypeVar("_T")
 
 
 def check_output(path: str | os.PathLike[str], name: str) -> None:
-    """Raise :class:`InputError` unless ``path`` can become a regular file: a file or nothing yet,
-    in a folder that exists.
+    """Raise :class:`InputError` unless a regular file can be written at ``path``: in a folder that
+    exists, where nothing or a file stands. ``name`` is the option or field in the message.
     """
     target = Path(path)
     if (
@@ -36,12 +36,12 @@ def check_output(path: str | os.PathLike[str], name: str) -> None:
 
 
 def write_atomically(path: str | os.PathLike[str], data: bytes) -> None:
-    """Write a whole file or nothing: to a temporary file beside it, then renamed over it.
+    """Write a file whole or not at all: to a temporary file beside it, which is then renamed.
 
-    A link's target is replaced.
+    Where ``path`` is a link, the file that it points to is replaced.
     """
     path = Path(path).resolve()
-    # not tempfile's name: in a folder closed to us it would try another one for hours on Windows
+    # not by tempfile: in a folder that denies us it would try other names for hours on Windows
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
     try:
         with temporary.open("xb") as file:
@@ -60,8 +60,8 @@ _WAITS = (0.01, 0.03, 0.1, 0.3, 0.5)  # seconds
 
 
 def patiently(action: Callable[[], _T]) -> _T:
-    """Call ``action``, again within a second where it is denied: Windows denies it while another
-    process has the file open.
+    """Do something with a file; where it is denied, try again for a second: Windows denies it while
+    others have the file open.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def patiently(action: Callable[[], _T]) -> _T:
     Raises
     ------
     PermissionError
-        The last one.
+        The last one, where it is still denied.
     """
     for wait in _WAITS:
         try:
@@ -86,7 +86,7 @@ def patiently(action: Callable[[], _T]) -> _T:
 def check_writable(folder: Path, name: str) -> None:
     """Raise ``InputError`` unless files can be made in a folder; to be called before long work.
 
-    ``name``: who needs it.
+    ``name`` is what is to be written, in the message.
     """
     if folder.is_dir():
         trial = folder / f".{secrets.token_hex(4)}.tmp"
@@ -100,6 +100,6 @@ def check_writable(folder: Path, name: str) -> None:
 
 
 def csv_bytes(table: pd.DataFrame) -> bytes:
-    """Return a table as CSV in UTF-8."""
+    """Return a table as CSV, the same bytes on every system."""
     text: str = table.to_csv(index=False, lineterminator="\n")
     return text.encode()

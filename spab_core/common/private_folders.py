@@ -1,5 +1,5 @@
-"""Folders that only this user can enter, outside the repository: find them, make them, read files
-in them.
+"""Folders outside the repository that only this user can enter: where they lie, and how files in
+them are read.
 """
 
 from __future__ import annotations
@@ -13,12 +13,8 @@ from spab_core.common.errors import InputError
 from spab_core.common.files import patiently
 
 _FLAGS = os.O_RDONLY
-for _name in (
-    "O_NOFOLLOW",
-    "O_NONBLOCK",
-    "O_BINARY",
-):  # no link, no waiting for a pipe; not every system has all
-    _FLAGS |= getattr(os, _name, 0)
+for _name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY"):  # no link, no waiting for a pipe
+    _FLAGS |= getattr(os, _name, 0)  # not every system has all
 
 
 def wanted_folder(
@@ -29,15 +25,13 @@ def wanted_folder(
     what: str,
     error: type[InputError] = InputError,
 ) -> Path:
-    """$``variable``, else $``base_variable``/``name`` or, on Windows, %LOCALAPPDATA%/``name``, else
-    ~/``base``/``name``.
-
-    It may not exist.
+    """Return $``variable``, else $``base_variable``/``name`` or, on Windows, %LOCALAPPDATA%/``name``,
+    else ~/``base``/``name``. The folder may not exist.
 
     Raises
     ------
     error
-        Without a home; ``what`` is named there as what cannot be kept.
+        Where there is no home folder; the message says that ``what`` cannot be kept.
     """
     if os.environ.get(variable):
         return Path(os.environ[variable]).absolute()
@@ -55,13 +49,13 @@ def wanted_folder(
 def private_folder(
     path: Path, variable: str, what: str, error: type[InputError] = InputError
 ) -> Path:
-    """Return the folder, made with mode 0700 where it is missing.
+    """Return the folder, made with mode 0700 if need be.
 
     Raises
     ------
     error
-        Where it cannot be made or written, is no folder, belongs to someone else, or others can
-        enter it.
+        Where it cannot be made or written, is not a folder, belongs to someone else, or can be
+        entered by others.
     """
     try:
         path.mkdir(parents=True, exist_ok=True, mode=0o700)
@@ -70,33 +64,32 @@ def private_folder(
     except (OSError, ValueError) as problem:
         raise error(
             f"{what} cannot be kept in {path} ({getattr(problem, 'strerror', None) or problem}): "
-            f"set {variable} to "
-            "a folder of yours"
+            f"set {variable} to a folder of yours"
         ) from None
     if not stat.S_ISDIR(found.st_mode) or not writable:
         raise error(
-            f"{what} cannot be kept in {path}: it is no folder that can be written; set "
-            f"{variable} to one"
+            f"{what} cannot be kept in {path}: it is not a folder that can be written; set "
+            f"{variable} to a folder of yours"
         )
     if not _private(found):
         raise error(
-            f"{what} are not kept in {path}: it must be yours alone (chmod 700); or set "
-            f"{variable} to a folder "
-            "that is"
+            f"{what} are not kept in {path}, which others can enter: make it yours alone "
+            f"(chmod 700), or set {variable} to a folder of yours"
         )
     return path
 
 
 def _private(found: os.stat_result) -> bool:
     if not hasattr(os, "getuid"):
-        # Windows: a profile's folders are the user's by their access lists; those of others are not
-        # looked at
-        return True
+        return True  # Windows: access lists make the folders of a profile the user's
     return found.st_uid == os.getuid() and not found.st_mode & 0o077
 
 
 def own_bytes(path: Path, limit: int) -> bytes:
-    """Return the bytes of a regular file of this user. Raises ``OSError``, for a link too."""
+    """Read a regular file of this user, at most ``limit`` bytes, following no link.
+
+    Raise ``OSError`` where it is another kind of file, someone else's or larger.
+    """
     if path.is_symlink():  # where there is no O_NOFOLLOW
         raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
     with os.fdopen(patiently(lambda: os.open(path, _FLAGS)), "rb") as file:
@@ -104,7 +97,7 @@ def own_bytes(path: Path, limit: int) -> bytes:
         if not stat.S_ISREG(found.st_mode) or (
             hasattr(os, "getuid") and found.st_uid != os.getuid()
         ):
-            raise PermissionError(0, "it is no regular file of yours")
+            raise PermissionError(0, "it is not a regular file of yours")
         if found.st_size > limit:
             raise OSError(0, f"it has more than {limit} bytes")
         return file.read()

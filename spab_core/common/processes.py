@@ -11,14 +11,14 @@ import psutil
 
 
 def end_with_parent(parent: int) -> None:
-    """End this worker process when its ``parent`` (a process id) ends, even where that is killed;
-    call it first.
-    """
+    """End this process once the one that started it has ended, also where that was killed.
+
+    A worker process calls it first, with the number of its parent."""
 
     def watch() -> None:
         with contextlib.suppress(psutil.NoSuchProcess):
-            # by number and time of start: Windows tells a dead parent's number for ever, and gives
-            # it to others
+            # known by number and time of start: Windows keeps a dead parent's number and gives it
+            # to others
             process = psutil.Process(parent)
             while process.is_running() and process.status() != psutil.STATUS_ZOMBIE:
                 time.sleep(1.0)

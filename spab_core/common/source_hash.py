@@ -1,7 +1,7 @@
-"""A hash of source code that does not depend on layout, comments, file names or Python's version.
+"""A hash of what source code does: the same for every layout, place of its files and Python.
 
-For models and results kept on disk: they stay good where code is reformatted, commented or moved,
-and on another Python."""
+Models and results kept on disk are named by it, so they stay valid where code is reformatted,
+commented or moved, and on another Python."""
 
 from __future__ import annotations
 
@@ -10,18 +10,12 @@ import hashlib
 from collections.abc import Iterable
 from typing import Any
 
-_SILENT = {
-    "ctx",
-    "kind",
-    "type_comment",
-    "type_params",
-}  # fields that change no meaning, or that only later Pythons have
+# fields that follow from others, tell a spelling, or are new in later Pythons
+_SILENT = {"ctx", "kind", "type_comment", "type_params"}
 
 
 def _left_out(node: object) -> bool:
-    """Return whether a statement is left out of the hash: imports, docstrings, and what runs only
-    as a script.
-    """
+    """Return whether a statement does not count: imports, docstrings, the part run as a script."""
     if isinstance(node, ast.If):
         return ast.unparse(node.test).replace('"', "'") == "__name__ == '__main__'"
     return isinstance(node, (ast.Import, ast.ImportFrom)) or (
@@ -29,9 +23,9 @@ def _left_out(node: object) -> bool:
     )
 
 
-def _pieces(values: list[Any]) -> list[Any]:
-    """Join neighbouring texts of an f-string and drop empty ones: Python versions split them
-    differently.
+def _pieces(values: list[ast.expr]) -> list[ast.expr | str]:
+    """Return the parts of an f-string, adjacent texts joined and empty ones left out: Pythons cut
+    them differently.
     """
     joined: list[Any] = [""]
     for value in values:
@@ -47,7 +41,7 @@ def _canonical(node: object) -> str:
         return f"[{','.join(_canonical(item) for item in node if not _left_out(item))}]"
     if not isinstance(node, ast.AST):
         return f"{type(node).__name__}:{node!r}"
-    said = {
+    said: dict[str, Any] = {
         name: value
         for name, value in ast.iter_fields(node)
         if name not in _SILENT and value not in (None, [])
@@ -76,7 +70,7 @@ def source_hash(sources: Iterable[bytes]) -> str:
     Raises
     ------
     SyntaxError
-        For a source that is no Python.
+        For a source that is not Python.
     """
     statements = sorted(
         _canonical(node)

@@ -4,6 +4,5 @@ from __future__ import annotations
 
 from threadpoolctl import threadpool_limits
 
-one_thread = threadpool_limits.wrap(
-    limits=1, user_api="blas"
-)  # matrices of 200 rows: more threads only wait for each other
+# for matrices of 200 rows: more threads would only wait for each other
+one_thread = threadpool_limits.wrap(limits=1, user_api="blas")

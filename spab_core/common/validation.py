@@ -35,7 +35,7 @@ def check_number(
     Raises
     ------
     DesignError
-        If it is no number or out of range; the message names the field, the value and the range.
+        If it is not a number or out of range; the message names the field, the value and the range.
     """
     unit = f" {unit}" if unit else ""
     allowed = f"{'more than' if open_low else 'from'} {low:g} {'up ' if open_low else ''}to {high:g}{unit}"

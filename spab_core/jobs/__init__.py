@@ -2,6 +2,7 @@
 
 Module               What it answers
 -------------------  ----------------------------------------
-store                Jobs by name: submit, find, cancel, delete; the worker
-kinds                What a job can be
+kinds                What a job can be: its parameters, its work, its result
+store                Jobs by their id: submit, find, list, cancel, delete
+worker               The process that does one job
 """

@@ -1,7 +1,7 @@
 """What a background job can be (:mod:`spab_core.jobs.store`): one entry of :data:`KINDS` each.
 
-Modules with scikit-learn are imported by the kinds that need them: a second that a worker of
-another kind need not wait."""
+Modules with scikit-learn are imported inside the kinds that need them: the worker of another kind
+starts a second earlier."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import hashlib
 import os
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from pathlib import Path
+from typing import Any, Protocol
 
 from spab_core.common.errors import InputError
 from spab_core.common.files import write_atomically
@@ -36,112 +37,120 @@ from spab_core.trajectory.point import solve_point
 from spab_core.trajectory.point_file import save_point
 from spab_core.trajectory.settings import Settings
 
-Advance = Callable[[int], None]  # called with the number done since the last call
-SetTotal = Callable[
-    ..., None
-]  # set_total(total, kept=0): how many there are, and how many an earlier run has left
+Values = dict[str, Any]  # plain JSON values by name
+Advance = Callable[[int], None]  # advance(n): n more are done
+
+
+class SetTotal(Protocol):
+    """Takes how many there are to do, and how many of them an earlier run has left."""
+
+    def __call__(self, total: int, kept: int = 0) -> None: ...
+
+
 SAMPLES = "samples.npz"  # of a ranking, in its folder
 _FEW = 20  # tasks that are done before a second process has started
 
 
 @dataclass(frozen=True)
-class Kind:
+class JobKind:
     """A kind of job.
 
     Attributes
     ----------
     label : str
-        What people read.
-    check : callable
-        Parameters as given -> the same complete and in one spelling, plain JSON values: equal
-        requests become equal. Raises ``InputError``.
+        Its name on pages.
+    request : type
+        Dataclass of the job's parameters. Made from what was given, it is complete and in one
+        spelling, in plain JSON values, so that equal requests become equal. Raises ``InputError``.
     run : callable
         ``run(folder, parameters, advance, set_total)`` does the work in the worker and writes
-        ``result`` into the folder; what it keeps there for another start is its own; ``parts`` is
-        deleted after the end. Raises ``InputError`` where it cannot.
+        ``result`` into the folder, where it may keep what another start needs; the folder
+        ``parts`` there is deleted after the end. Raises ``InputError`` where it cannot.
     result : str
-        File in the job's folder.
+        Name of the result's file in the job's folder.
     grows : bool
-        Whether the result is written more than once, better each time, so that one that is there
-        need not be the last.
+        Whether the result is written more than once, better each time: one that is there need not
+        be the last.
     resumes : bool
-        Whether it keeps what it has solved, so that another start goes on from there.
+        Whether another start goes on from what was solved before.
     """
 
     label: str
-    check: Callable[[dict], dict]
-    run: Callable[[Path, dict, Advance, SetTotal], None]
+    request: type[Any]
+    run: Callable[[Path, Values, Advance, SetTotal], None]
     result: str = "result.npz"
     grows: bool = False
     resumes: bool = False
 
     @property
     def again(self) -> str:
-        """What to do after it was stopped, in words."""
+        """What to do after the job was stopped, in words."""
         return "start it again to go on" if self.resumes else "start it again from the beginning"
+
+    def check(self, parameters: Values) -> Values:
+        """Return the parameters complete and in one spelling. Raise ``InputError``."""
+        known = [f.name for f in fields(self.request)]
+        required = {
+            f.name for f in fields(self.request) if MISSING is f.default is f.default_factory
+        }
+        for names, problem in (
+            (parameters.keys() - set(known), "unknown"),
+            (required - parameters.keys(), "missing"),
+        ):
+            if names:
+                raise InputError(
+                    f"a job's parameters are {', '.join(known)}: "
+                    f"{', '.join(sorted(map(str, names)))[:60]!r} is {problem}"
+                )
+        return asdict(self.request(**parameters))
 
 
 def workers_for(tasks: int) -> int:
-    """Processes for so many tasks: those of this machine, at most two, one where starting a second
-    does not pay.
+    """Return how many processes to use: those of this machine, at most two; one where starting a
+    second does not pay.
     """
     return min(2, os.cpu_count() or 1) if tasks > _FEW else 1
 
 
-def _taken(parameters: dict, **defaults) -> list:
-    """Values in the order of ``defaults``; one that is ``...`` must be given.
-
-    Raises ``InputError``.
-    """
-    unknown = sorted(set(parameters) - set(defaults))
-    missing = [
-        name for name, default in defaults.items() if default is ... and name not in parameters
-    ]
-    if unknown or missing:
-        raise InputError(
-            f"a job's parameters are {', '.join(defaults)}: "
-            f"{', '.join(map(str, unknown or missing))[:60]!r} "
-            f"{'is unknown' if unknown else 'is missing'}"
-        )
-    return [parameters.get(name, default) for name, default in defaults.items()]
+def _design(given: Any) -> Values:
+    return Design.from_dict(given).to_dict()
 
 
-def _settings(given) -> Settings:
+def _settings(given: Any) -> Values:
     try:
-        return Settings(**given)
+        return Settings(**given).to_dict()
     except TypeError:
         raise InputError(
             f"settings = {str(given)[:60]!r}: allowed are {', '.join(Settings().to_dict())}"
         ) from None
 
 
-def _check_bifurcation(parameters: dict) -> dict:
-    design, vary, at, line, sweeps, settings = _taken(
-        parameters,
-        design={},
-        vary=...,
-        at=...,
-        range=...,
-        sweeps=list(SWEEPS),
-        settings={"revolutions": 300},
-    )
-    at = check_number("at", at, 0.0, 1e3)
-    if not isinstance(sweeps, (list, tuple)):
-        raise InputError(f"sweeps = {str(sweeps)[:60]!r} must be a list of {', '.join(SWEEPS)}")
-    values = axis(line, "range")
-    check_line(vary, at, values, sweeps)
-    start, stop, count = line.split(":")
-    return {
-        "design": Design.from_dict(design).to_dict(),
-        "vary": vary,
-        "at": at,
-        "range": f"{float(start)!r}:{float(stop)!r}:{int(count)}",
-        "sweeps": [s for s in SWEEPS if s in sweeps],
-        "settings": _settings(settings).to_dict(),
-    }
+@dataclass(kw_only=True)
+class _BifurcationRequest:
+    design: Any = field(default_factory=dict)
+    vary: Any
+    at: Any
+    range: Any
+    sweeps: Any = SWEEPS
+    settings: Any = field(default_factory=lambda: {"revolutions": 300})
+
+    def __post_init__(self) -> None:
+        self.design = _design(self.design)
+        self.at = check_number("at", self.at, 0.0, 1e3)
+        if not isinstance(self.sweeps, (list, tuple)):
+            raise InputError(
+                f"sweeps = {str(self.sweeps)[:60]!r} must be a list of {', '.join(SWEEPS)}"
+            )
+        check_line(self.vary, self.at, axis(self.range, "range"), self.sweeps)
+        start, stop, count = self.range.split(":")
+        self.range = f"{float(start)!r}:{float(stop)!r}:{int(count)}"
+        self.sweeps = [s for s in SWEEPS if s in self.sweeps]
+        self.settings = _settings(self.settings)
 
 
-def _run_bifurcation(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:
+def _run_bifurcation(
+    folder: Path, parameters: Values, advance: Advance, set_total: SetTotal
+) -> None:
     values, sweeps = axis(parameters["range"], "range"), parameters["sweeps"]
     points, parts, first = len(values) * len(sweeps), folder / "parts", True
 
@@ -161,28 +170,31 @@ def _run_bifurcation(folder: Path, parameters: dict, advance: Advance, set_total
         Settings(**parameters["settings"]),
         sweeps=sweeps,
         workers=workers_for(points),
-        parts=parts,
+        checkpoint=parts,
         progress=progress,
     )
     save_bifurcation(result, folder / "result.npz")
 
 
-def _check_point(parameters: dict) -> dict:
-    design, mass, number, settings, paths = _taken(
-        parameters, design={}, rotor_mass=..., bearing_number=..., settings={}, path_revolutions=30
-    )
-    check_point(mass, number)
-    paths = check_number("path_revolutions", paths, 0, 1000)
-    return {
-        "design": Design.from_dict(design).to_dict(),
-        "rotor_mass": float(mass),
-        "bearing_number": float(number),
-        "settings": _settings(settings).to_dict(),
-        "path_revolutions": int(paths),
-    }
+@dataclass(kw_only=True)
+class _PointRequest:
+    design: Any = field(default_factory=dict)
+    rotor_mass: Any
+    bearing_number: Any
+    settings: Any = field(default_factory=dict)
+    path_revolutions: Any = 30
+
+    def __post_init__(self) -> None:
+        check_point(self.rotor_mass, self.bearing_number)
+        self.path_revolutions = int(
+            check_number("path_revolutions", self.path_revolutions, 0, 1000)
+        )
+        self.design = _design(self.design)
+        self.rotor_mass, self.bearing_number = float(self.rotor_mass), float(self.bearing_number)
+        self.settings = _settings(self.settings)
 
 
-def _run_point(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:
+def _run_point(folder: Path, parameters: Values, advance: Advance, set_total: SetTotal) -> None:
     settings = Settings(**parameters["settings"])
     compile_once()
     set_total(int(settings.transient + settings.revolutions))  # fewer where the run settles
@@ -199,31 +211,28 @@ def _run_point(folder: Path, parameters: dict, advance: Advance, set_total: SetT
     )
 
 
-def _check_sensitivity(parameters: dict) -> dict:
-    design, mass, speed, along, step, scan, settings = _taken(
-        parameters,
-        design={},
-        rotor_mass=...,
-        speed_rpm=...,
-        axis=AXES[0],
-        step=STEP,
-        scan=SCAN,
-        settings=SETTINGS.to_dict(),
-    )
-    found = Design.from_dict(design)
-    check_margin(found, mass, speed, along, scan)
-    return {
-        "design": found.to_dict(),
-        "rotor_mass": float(mass),
-        "speed_rpm": float(speed),
-        "axis": along,
-        "step": check_number("step", step, *STEPS),
-        "scan": int(scan),
-        "settings": _settings(settings).to_dict(),
-    }
+@dataclass(kw_only=True)
+class _SensitivityRequest:
+    design: Any = field(default_factory=dict)
+    rotor_mass: Any
+    speed_rpm: Any
+    axis: Any = AXES[0]
+    step: Any = STEP
+    scan: Any = SCAN
+    settings: Any = field(default_factory=SETTINGS.to_dict)
+
+    def __post_init__(self) -> None:
+        design = Design.from_dict(self.design)
+        check_margin(design, self.rotor_mass, self.speed_rpm, self.axis, self.scan)
+        self.design = design.to_dict()
+        self.rotor_mass, self.speed_rpm = float(self.rotor_mass), float(self.speed_rpm)
+        self.step, self.scan = check_number("step", self.step, *STEPS), int(self.scan)
+        self.settings = _settings(self.settings)
 
 
-def _run_sensitivity(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:
+def _run_sensitivity(
+    folder: Path, parameters: Values, advance: Advance, set_total: SetTotal
+) -> None:
     given = parameters | {
         "design": Design.from_dict(parameters["design"]),
         "settings": Settings(**parameters["settings"]),
@@ -235,25 +244,28 @@ def _run_sensitivity(folder: Path, parameters: dict, advance: Advance, set_total
     )
 
 
-def _check_ranking(parameters: dict) -> dict:
-    from spab_core.surrogates.models import MODELS, model
+@dataclass(kw_only=True)
+class _RankingRequest:
+    design: Any = field(default_factory=dict)
+    samples: Any  # SHA-256 of the file
+    models: Any = None  # all
 
-    design, samples, models = _taken(parameters, design={}, samples=..., models=list(MODELS))
-    if not isinstance(samples, str) or not re.fullmatch("[0-9a-f]{64}", samples):
-        raise InputError(
-            f"samples = {str(samples)[:60]!r} must be the SHA-256 of {SAMPLES}, which is put "
-            "beside the job"
-        )
-    if not isinstance(models, list) or not models:
-        raise InputError(f"models = {str(models)[:60]!r} must be a list of {', '.join(MODELS)}")
-    return {
-        "design": Design.from_dict(design).to_dict(),
-        "samples": samples,
-        "models": [model(str(name)).name for name in models],
-    }
+    def __post_init__(self) -> None:
+        from spab_core.surrogates.models import MODELS, model
+
+        if not isinstance(self.samples, str) or not re.fullmatch("[0-9a-f]{64}", self.samples):
+            raise InputError(
+                f"samples = {str(self.samples)[:60]!r} must be the SHA-256 of {SAMPLES} in the "
+                "job's folder"
+            )
+        names = list(MODELS) if self.models is None else self.models
+        if not isinstance(names, list) or not names:
+            raise InputError(f"models = {str(names)[:60]!r} must be a list of {', '.join(MODELS)}")
+        self.design = _design(self.design)
+        self.models = [model(str(name)).name for name in names]
 
 
-def _run_ranking(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:
+def _run_ranking(folder: Path, parameters: Values, advance: Advance, set_total: SetTotal) -> None:
     from spab_core.common.files import csv_bytes
     from spab_core.surrogates.models import DIVISORS, model
     from spab_core.surrogates.user_data import MAX_BYTES, SEEDS, load_samples, rank_samples
@@ -261,50 +273,45 @@ def _run_ranking(folder: Path, parameters: dict, advance: Advance, set_total: Se
     data = own_bytes(folder / SAMPLES, MAX_BYTES)
     if hashlib.sha256(data).hexdigest() != parameters["samples"]:
         raise InputError(f"{SAMPLES} is not the file that this job was asked for")
-    kinds = [model(name) for name in parameters["models"]]
-    set_total(len(kinds) * len(DIVISORS) * len(SEEDS))
+    models = [model(name) for name in parameters["models"]]
+    set_total(len(models) * len(DIVISORS) * len(SEEDS))
     scores = rank_samples(
         load_samples(folder / SAMPLES),
         Design.from_dict(parameters["design"]),
-        kinds,
+        models,
         progress=advance,
     )
     write_atomically(folder / "result.csv", csv_bytes(scores))
 
 
-def _check_map(parameters: dict) -> dict:
-    from spab_core.active_learning.quick_map import (
-        SECONDS,
-        SETTINGS,
-        check_cluster,
-        check_quick_map,
-    )
+@dataclass(kw_only=True)
+class _MapRequest:
+    design: Any = field(default_factory=dict)
+    bearing_number: Any
+    rotor_mass: Any
+    seconds: Any = None  # those of a quick map, as for the settings
+    seed: Any = 0
+    settings: Any = None
+    dask: Any = ""  # address of a scheduler; "": this machine
 
-    design, number, mass, seconds, seed, settings, cluster = _taken(
-        parameters,
-        design={},
-        bearing_number=...,
-        rotor_mass=...,
-        seconds=SECONDS,
-        seed=0,
-        settings=SETTINGS.to_dict(),
-        dask="",
-    )
-    check_quick_map(number, mass, seconds)
-    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**32:
-        raise InputError(f"seed = {str(seed)[:40]} must be a whole number from 0 to {2**32 - 1}")
-    return {
-        "design": Design.from_dict(design).to_dict(),
-        "bearing_number": str(number),
-        "rotor_mass": str(mass),
-        "seconds": float(seconds),
-        "seed": seed,
-        "settings": _settings(settings).to_dict(),
-        "dask": check_cluster(cluster),
-    }
+    def __post_init__(self) -> None:
+        from spab_core.active_learning import quick_map
+
+        seed, seconds = self.seed, quick_map.SECONDS if self.seconds is None else self.seconds
+        quick_map.check_quick_map(self.bearing_number, self.rotor_mass, seconds)
+        if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**32:
+            raise InputError(
+                f"seed = {str(seed)[:40]} must be a whole number from 0 to {2**32 - 1}"
+            )
+        self.design = _design(self.design)
+        self.bearing_number, self.rotor_mass = str(self.bearing_number), str(self.rotor_mass)
+        self.seconds = float(seconds)
+        usual = quick_map.SETTINGS.to_dict()
+        self.settings = _settings(usual if self.settings is None else self.settings)
+        self.dask = quick_map.check_cluster(self.dask)
 
 
-def _run_map(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:
+def _run_map(folder: Path, parameters: Values, advance: Advance, set_total: SetTotal) -> None:
     from spab_core.active_learning.quick_map import check_quick_map, quick_map
     from spab_core.active_learning.refine import save_refinement
 
@@ -317,72 +324,71 @@ def _run_map(folder: Path, parameters: dict, advance: Advance, set_total: SetTot
         advance(int(gone) - before)
 
     number, mass = check_quick_map(parameters["bearing_number"], parameters["rotor_mass"], seconds)
-    result = quick_map(
+    for result in quick_map(
         Design.from_dict(parameters["design"]),
         number,
         mass,
         Settings(**parameters["settings"]),
         seconds=seconds,
         seed=parameters["seed"],
-        parts=folder / "parts",
+        checkpoint=folder / "parts",
         workers=min(2, os.cpu_count() or 1),
         cluster=parameters["dask"] or None,
         progress=progress,
-        publish=lambda r: save_refinement(r, folder / "result.npz"),
-    )
-    save_refinement(result, folder / "result.npz")
+    ):
+        save_refinement(result, folder / "result.npz")
 
 
-def _check_intervals(parameters: dict) -> dict:
-    from spab_core.shipped.manifest import REFERENCE_MAP, read_manifest
-    from spab_core.shipped.provenance import INTERVALS_RECIPE, recipe_hash
-    from spab_core.surrogates.models import DIVISORS, model
+@dataclass(kw_only=True)
+class _IntervalsRequest:
+    model: Any
+    divisor: Any
+    seed: Any = 0
+    made_from: Any = None  # hashes of map and code: the present ones
 
-    name, divisor, seed, made_from = _taken(
-        parameters, model=..., divisor=..., seed=0, made_from=None
-    )
-    if divisor not in DIVISORS:
-        raise InputError(
-            f"divisor = {str(divisor)[:20]} is not allowed: choose {', '.join(map(str, DIVISORS))}"
-        )
-    now = {
-        "map": read_manifest().get(REFERENCE_MAP, {}).get("sha256"),
-        "recipe": recipe_hash(INTERVALS_RECIPE),
-    }
-    if made_from not in (None, now):
-        raise InputError("the shipped map or the models' code is another since; start it again")
-    return {
-        "model": model(str(name)).name,
-        "divisor": divisor,
-        "seed": int(check_number("seed", seed, 0, 999)),
-        "made_from": now,
-    }
+    def __post_init__(self) -> None:
+        from spab_core.shipped.manifest import REFERENCE_MAP, read_manifest
+        from spab_core.shipped.provenance import INTERVALS_RECIPE, recipe_hash
+        from spab_core.surrogates.models import DIVISORS, model
+
+        if self.divisor not in DIVISORS:
+            allowed = ", ".join(map(str, DIVISORS))
+            raise InputError(f"divisor = {str(self.divisor)[:20]} is not allowed: choose {allowed}")
+        now = {
+            "map": read_manifest().get(REFERENCE_MAP, {}).get("sha256"),
+            "recipe": recipe_hash(INTERVALS_RECIPE),
+        }
+        if self.made_from not in (None, now):
+            raise InputError(
+                "the shipped map or the models' code has changed since; start it again"
+            )
+        self.model, self.made_from = model(str(self.model)).name, now
+        self.seed = int(check_number("seed", self.seed, 0, 999))
 
 
-def _run_intervals(folder: Path, parameters: dict, advance: Advance, set_total: SetTotal) -> None:
+def _run_intervals(folder: Path, parameters: Values, advance: Advance, set_total: SetTotal) -> None:
     from spab_core.shipped.manifest import load_reference_map
     from spab_core.shipped.model_store import shipped_certainty
     from spab_core.surrogates.models import model
     from spab_core.surrogates.uncertainty import STEPS, save_intervals, uncertain_map
 
     set_total(STEPS)
-    m, kind, divisor, seed = (
+    asked = (
         load_reference_map(),
         model(parameters["model"]),
         parameters["divisor"],
         parameters["seed"],
     )
-    found = uncertain_map(
-        m, kind, divisor, seed, progress=advance, known=shipped_certainty(m, kind, divisor, seed)[0]
-    )
+    known, _ = shipped_certainty(*asked)
+    found = uncertain_map(*asked, progress=advance, known=known)
     save_intervals(found, folder / "result.npz")
 
 
 KINDS = {
-    "bifurcation": Kind("Bifurcation line", _check_bifurcation, _run_bifurcation, resumes=True),
-    "point": Kind("Operating point", _check_point, _run_point),
-    "map": Kind("Map of a bearing", _check_map, _run_map, grows=True, resumes=True),
-    "sensitivity": Kind("What if", _check_sensitivity, _run_sensitivity, "result.json"),
-    "ranking": Kind("Ranking on own data", _check_ranking, _run_ranking, "result.csv"),
-    "intervals": Kind("Intervals of a surrogate", _check_intervals, _run_intervals),
+    "bifurcation": JobKind("Bifurcation line", _BifurcationRequest, _run_bifurcation, resumes=True),
+    "point": JobKind("Operating point", _PointRequest, _run_point),
+    "map": JobKind("Map of a bearing", _MapRequest, _run_map, grows=True, resumes=True),
+    "sensitivity": JobKind("What if", _SensitivityRequest, _run_sensitivity, "result.json"),
+    "ranking": JobKind("Ranking on own data", _RankingRequest, _run_ranking, "result.csv"),
+    "intervals": JobKind("Intervals of a surrogate", _IntervalsRequest, _run_intervals),
 }

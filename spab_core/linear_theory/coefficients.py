@@ -23,11 +23,11 @@ from spab_core.common.errors import InputError
 from spab_core.common.threads import one_thread
 from spab_core.common.validation import check_number
 from spab_core.design.model import Design
-from spab_core.linear_theory.equilibrium import Equilibrium, static_equilibrium
-from spab_core.linear_theory.whirl import linear_spectrum
-from spab_core.solver.film import DEFAULT_MESH, Mesh, build_film, film_index, film_size
-from spab_core.solver.rotor import build_rotor
+from spab_core.linear_theory.equilibrium import Equilibrium, dense_system, find_equilibrium
+from spab_core.linear_theory.whirl import spectrum_of
+from spab_core.solver.film import DEFAULT_MESH, Mesh, film_size
 from spab_core.solver.slope import slope_and_jacobian
+from spab_core.solver.system import System
 
 WHIRL_RANGE = (0.0, 1000.0)  # whirl frequency over the shaft speed
 LEAST_STABLE = "least-stable"  # in place of a whirl ratio: that of the rotor itself
@@ -47,7 +47,8 @@ class Impedance:
     rotor_mass : float
         kg on one bearing.
     bearing_number : float
-    mesh : Mesh
+    system : System
+        Without unbalance.
     equilibrium : Equilibrium
         What it is linearised about.
     film, drive, pickup : ndarray
@@ -59,7 +60,7 @@ class Impedance:
     design: Design
     rotor_mass: float
     bearing_number: float
-    mesh: Mesh
+    system: System
     equilibrium: Equilibrium
     film: np.ndarray
     drive: np.ndarray
@@ -156,27 +157,22 @@ def impedance(
     Impedance or None
         None where no equilibrium was found.
     """
-    equilibrium = static_equilibrium(design, rotor_mass, bearing_number, mesh, guess)
+    system = dense_system(design, rotor_mass, bearing_number, mesh)
+    equilibrium = find_equilibrium(system, guess)
     if equilibrium is None and guess is not None:
-        equilibrium = static_equilibrium(design, rotor_mass, bearing_number, mesh)
+        equilibrium = find_equilibrium(system)
     if equilibrium is None:
         return None
-    film, rotor = (
-        build_film(design, bearing_number, mesh),
-        build_rotor(design, rotor_mass, bearing_number),
-    )
-    cells, n = film_index(film).ravel(), film_size(film)
+    rotor, cells, n = system.rotor, system.cells, film_size(system.film)
     journal = n + np.array([0, 1, 4, 5])
-    _, jacobian = slope_and_jacobian(
-        film, rotor, equilibrium.state, np.concatenate([cells, journal])
-    )
+    _, jacobian = slope_and_jacobian(system, equilibrium.state, np.concatenate([cells, journal]))
     m, force = len(cells), jacobian[n + 4 : n + 6] / rotor.inverse_mass
     shaft = rotor.coupling_journal / rotor.inverse_mass
     return Impedance(
         design,
         float(rotor_mass),
         float(bearing_number),
-        mesh,
+        system,
         equilibrium,
         film=jacobian[cells, :m],
         drive=jacobian[cells, m : m + 2],
@@ -265,8 +261,6 @@ def least_stable_whirl(at: Impedance) -> complex | None:
     """The least stable oscillating eigenvalue of rotor and bearing, per unit tau, frequency > 0;
     None where all only decay.
     """
-    found = linear_spectrum(
-        at.design, at.rotor_mass, at.bearing_number, at.mesh, at.equilibrium.state
-    )
+    found = spectrum_of(at.system, at.equilibrium.state)
     whirls = [] if found is None else [v for v in found[0] if v.imag > SLOWEST_WHIRL]
     return complex(whirls[0]) if whirls else None

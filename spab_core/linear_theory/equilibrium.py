@@ -9,9 +9,9 @@ import numpy as np
 
 from spab_core.common.errors import InputError
 from spab_core.design.model import Design
-from spab_core.solver.film import DEFAULT_MESH, Film, Mesh, build_film, film_size
-from spab_core.solver.rotor import ROTOR_STATES, RotorCoefficients, build_rotor
-from spab_core.solver.slope import slope_and_jacobian, unknown_places
+from spab_core.solver.film import DEFAULT_MESH, Mesh, film_size
+from spab_core.solver.slope import slope_and_jacobian
+from spab_core.solver.system import System, build_system
 
 MAX_DENSE_CELLS = 2500  # cells of a mesh that dense linear algebra takes in seconds
 _NEWTON_STEPS = 60
@@ -36,9 +36,15 @@ class Equilibrium:
     state: np.ndarray
 
 
-def _dense_film(design: Design, bearing_number: float, mesh: Mesh) -> Film:
-    """The film, where its mesh is small enough for dense linear algebra; raises :class:`InputError`
-    otherwise.
+def dense_system(
+    design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = DEFAULT_MESH
+) -> System:
+    """Build the system without unbalance, on a mesh small enough for dense linear algebra.
+
+    Raises
+    ------
+    InputError
+        For a mesh of more than :data:`MAX_DENSE_CELLS` cells.
     """
     cells = mesh[0] * mesh[1]
     if cells > MAX_DENSE_CELLS:
@@ -46,25 +52,22 @@ def _dense_film(design: Design, bearing_number: float, mesh: Mesh) -> Film:
             f"mesh = {mesh[0]}x{mesh[1]} has {cells} cells: linear stability allows at most "
             f"{MAX_DENSE_CELLS}"
         )
-    return build_film(design, bearing_number, mesh)
+    return build_system(design, rotor_mass, bearing_number, mesh).without_unbalance()
 
 
-def _without_unbalance(rotor: RotorCoefficients) -> RotorCoefficients:
-    return rotor._replace(unbalance_disc=0.0, unbalance_journal=0.0, ramp=0.0)
+def concentric_state(system: System) -> np.ndarray:
+    """Return the state of the centred, unloaded journal, its film steady: Newton's method from
+    P = 1.
 
-
-def _concentric(film: Film) -> np.ndarray:
-    state = np.zeros(film_size(film) + ROTOR_STATES)
-    state[: film_size(film)] = 1.0
-    return state
-
-
-def concentric_state(film: Film, rotor: RotorCoefficients) -> np.ndarray:
-    """Steady film of the centred, unloaded journal: Newton's method from P = 1."""
-    state = _concentric(film)
-    cells = unknown_places(film, True)[:-4]
+    Raises
+    ------
+    InputError
+        Where it does not converge.
+    """
+    state, cells = np.zeros(system.size), system.cells
+    state[: film_size(system.film)] = 1.0
     for _ in range(_NEWTON_STEPS):
-        value, jacobian = slope_and_jacobian(film, rotor, state, cells)
+        value, jacobian = slope_and_jacobian(system, state, cells)
         step = np.linalg.solve(jacobian[cells], value[cells])
         fraction = 1.0
         while (state[cells] - fraction * step).min() <= 0.0:
@@ -92,12 +95,12 @@ def concentric_stiffness(
         Over p_a R² per clearance; times ``design.stiffness_unit`` in N/m. K_xx = K_yy, K_xy = -K_yx
         by symmetry.
     """
-    film = _dense_film(design, bearing_number, mesh)
-    rotor = _without_unbalance(build_rotor(design.replace(rotor__gravity=0.0), 1.0, bearing_number))
-    rotor = rotor._replace(contact_force=0.0)
-    state = concentric_state(film, rotor)
-    cells, n = unknown_places(film, True)[:-4], film_size(film)
-    _, jacobian = slope_and_jacobian(film, rotor, state, np.append(cells, n))
+    system = dense_system(design.replace(rotor__gravity=0.0), 1.0, bearing_number, mesh)
+    rotor = system.rotor._replace(contact_force=0.0)
+    system = system._replace(rotor=rotor)
+    state = concentric_state(system)
+    cells, n = system.cells, film_size(system.film)
+    _, jacobian = slope_and_jacobian(system, state, np.append(cells, n))
     response = np.linalg.solve(jacobian[cells][:, :-1], -jacobian[cells, -1])
     force = (
         jacobian[n + 4 : n + 6, :-1] @ response + jacobian[n + 4 : n + 6, -1]
@@ -132,20 +135,25 @@ def static_equilibrium(
     Equilibrium or None
         None where no equilibrium was found.
     """
-    film = _dense_film(design, bearing_number, mesh)
-    rotor = _without_unbalance(build_rotor(design, rotor_mass, bearing_number))
-    unknowns, n = unknown_places(film, design.rigid), film_size(film)
-    load, done, step = (1.0, 0.0, 1.0) if guess is not None else (0.25, 0.0, 0.25)
-    state = (
-        guess
-        if guess is not None
-        else concentric_state(film, rotor._replace(gravity_disc=0.0, gravity_journal=0.0))
-    )
-    while True:
-        loaded = rotor._replace(
-            gravity_disc=load * rotor.gravity_disc, gravity_journal=load * rotor.gravity_journal
+    return find_equilibrium(dense_system(design, rotor_mass, bearing_number, mesh), guess)
+
+
+def find_equilibrium(system: System, guess: np.ndarray | None = None) -> Equilibrium | None:
+    """:func:`static_equilibrium` of a system without unbalance."""
+    rotor, n = system.rotor, film_size(system.film)
+
+    def loaded(share: float) -> System:
+        return system._replace(
+            rotor=rotor._replace(
+                gravity_disc=share * rotor.gravity_disc,
+                gravity_journal=share * rotor.gravity_journal,
+            )
         )
-        found = _newton(film, loaded, state, unknowns)
+
+    load, done, step = (1.0, 0.0, 1.0) if guess is not None else (0.25, 0.0, 0.25)
+    state = guess if guess is not None else concentric_state(loaded(0.0))
+    while True:
+        found = _newton(loaded(load), state)
         if found is None:
             step *= 0.5
             if step < 1e-3:
@@ -159,12 +167,12 @@ def static_equilibrium(
     return Equilibrium(math.hypot(x, y), math.degrees(math.atan2(x, -y)), state)
 
 
-def _newton(film, rotor, state, unknowns):
+def _newton(system: System, state: np.ndarray) -> np.ndarray | None:
     """Damped Newton iteration to f = 0; None where it does not converge."""
     state = state.copy()
-    n = film_size(film)
+    n, unknowns = film_size(system.film), system.unknowns
     for _ in range(_NEWTON_STEPS):
-        value, jacobian = slope_and_jacobian(film, rotor, state, unknowns)
+        value, jacobian = slope_and_jacobian(system, state, unknowns)
         try:
             step = np.linalg.solve(jacobian[unknowns], value[unknowns])
         except np.linalg.LinAlgError:

@@ -7,9 +7,11 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from spab_core.common.threads import one_thread
 from spab_core.design.form import grade_of_eccentricity
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
@@ -18,16 +20,16 @@ from spab_core.linear_theory.coefficients import (
     coefficients,
     impedance,
     least_stable_whirl,
-    one_thread,
 )
-from spab_core.solver.film import DEFAULT_MESH, Film, Mesh, build_film, film_array, film_fluxes
+from spab_core.solver.film import DEFAULT_MESH, Film, Mesh, film_array, film_fluxes
 
 NO_EQUILIBRIUM = "no static equilibrium: the film does not carry this rotor at this speed"
-AIR_CONSTANT, TEMPERATURE = (
-    287.05,
-    293.15,
-)  # J/(kg K) and K: the mass flow is that of dry air at 20 °C
-NORMAL_PRESSURE, NORMAL_TEMPERATURE = 101325.0, 273.15  # Pa and K: normal litres as in DIN 1343
+# of dry air at 20 °C, whose mass flow is told: J/(kg K) and K
+AIR_CONSTANT = 287.05
+TEMPERATURE = 293.15
+# of normal litres, as in DIN 1343: Pa and K
+NORMAL_PRESSURE = 101325.0
+NORMAL_TEMPERATURE = 273.15
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,7 @@ class Derived:
     coefficients: Coefficients | None = None
     whirl: Whirl | None = None
 
-    def record(self) -> dict:
+    def record(self) -> dict[str, Any]:
         """The answer as plain values, named with their units; the keys are those of ``spab design
         show --json``.
         """
@@ -232,11 +234,7 @@ def derive(
     z = impedance(design, rotor_mass, bearing_number, mesh)
     if z is None:
         return found
-    film, rest, root = (
-        build_film(design, bearing_number, mesh),
-        z.equilibrium,
-        least_stable_whirl(z),
-    )
+    film, rest, root = z.system.film, z.equilibrium, least_stable_whirl(z)
     x, y = (float(v) for v in rest.state[-8:-6])
     return dataclasses.replace(
         found,

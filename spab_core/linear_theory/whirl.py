@@ -1,7 +1,7 @@
-"""Static equilibrium, film stiffness and the linear whirl threshold: eigenvalues of the full
-linearised system.
+"""Eigenvalues of film and rotor linearised about the static equilibrium, and the rotor masses where
+the equilibrium gains or loses stability.
 
-Everything here uses the same discrete equations as the integrator, through the compiled tangent.
+The Jacobian is that of the equations that the integrator solves, by its compiled tangent.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from spab_core.design.model import Design
-from spab_core.linear_theory.equilibrium import Equilibrium, _without_unbalance, static_equilibrium
-from spab_core.solver.film import DEFAULT_MESH, Mesh, build_film
-from spab_core.solver.rotor import build_rotor
-from spab_core.solver.slope import slope_and_jacobian, unknown_places
+from spab_core.linear_theory.equilibrium import Equilibrium, dense_system, find_equilibrium
+from spab_core.solver.film import DEFAULT_MESH, Mesh
+from spab_core.solver.slope import slope_and_jacobian
+from spab_core.solver.system import System
 
 THRESHOLD_RANGE = (1e-2, 1e2)  # kg, searched for the whirl threshold
 
@@ -53,6 +53,8 @@ def linear_spectrum(
     """Eigenvalues per unit tau of the whole system, film and rotor, linearised about the static
     equilibrium.
 
+    Parameters are those of :func:`~spab_core.linear_theory.equilibrium.static_equilibrium`.
+
     Returns
     -------
     eigenvalues : ndarray of complex
@@ -60,13 +62,18 @@ def linear_spectrum(
         no equilibrium is.
     equilibrium : Equilibrium
     """
-    film = build_film(design, bearing_number, mesh)
-    rotor = _without_unbalance(build_rotor(design, rotor_mass, bearing_number))
-    equilibrium = static_equilibrium(design, rotor_mass, bearing_number, mesh, guess)
+    return spectrum_of(dense_system(design, rotor_mass, bearing_number, mesh), guess)
+
+
+def spectrum_of(
+    system: System, guess: np.ndarray | None = None
+) -> tuple[np.ndarray, Equilibrium] | None:
+    """:func:`linear_spectrum` of a system without unbalance."""
+    equilibrium = find_equilibrium(system, guess)
     if equilibrium is None:
         return None
-    unknowns = unknown_places(film, design.rigid)
-    _, jacobian = slope_and_jacobian(film, rotor, equilibrium.state, unknowns)
+    unknowns = system.unknowns
+    _, jacobian = slope_and_jacobian(system, equilibrium.state, unknowns)
     values = np.linalg.eigvals(jacobian[unknowns])
     return values[np.argsort(-values.real)], equilibrium
 
@@ -97,7 +104,9 @@ def whirl_thresholds(
         Empty where the stability is the same over the whole range.
     """
 
-    def leading(log_mass, guess):
+    def leading(
+        log_mass: float, guess: np.ndarray | None
+    ) -> tuple[complex, np.ndarray] | tuple[None, None]:
         """Leading eigenvalue and equilibrium, (None, None) where no equilibrium was found."""
         spectrum = linear_spectrum(design, math.exp(log_mass), bearing_number, mesh, guess)
         if spectrum is None and guess is not None:  # the guess may be too far away

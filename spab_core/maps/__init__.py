@@ -3,9 +3,9 @@
 Module               What it answers
 -------------------  ----------------------------------------
 stability_map        A plane of operating points; save, load, check
-checkpoints          Chunks of a long run on disk: open, lock, load, resume
+checkpoints          Solved chunks of a long run on disk: open, lock, load, save, resume
 parallel             Worker processes of this machine, or a Dask cluster
-compute              Computes a map chunk by chunk
+compute              Cells of a plane and whole maps, solved chunk by chunk
 bifurcation          A line of operating points, swept cold, up and down
 margin               How far a point of a map is from instability and chaos
 sensitivity          What a changed drawing does to the margin; what a run-up crosses

@@ -5,30 +5,27 @@ the state in which its neighbour ended, so that coexisting motions (hysteresis) 
 
 from __future__ import annotations
 
-import contextlib
+import itertools
 import json
-import os
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent import futures
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from joblib.externals.loky import ProcessPoolExecutor
 
 from spab_core.common.arrays import Array, Schema, load
 from spab_core.common.errors import InputError
 from spab_core.common.files import write_atomically
 from spab_core.common.npz import npz_bytes
-from spab_core.common.processes import end_with_parent
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
-from spab_core.maps.checkpoints import locked, open_run, read_part
+from spab_core.maps.checkpoints import Checkpoint, Chunk, run_plan
 from spab_core.maps.compute import cell_values
-from spab_core.maps.stability_map import CELLS, StabilityMap
-from spab_core.trajectory.compiling import compile_once
+from spab_core.maps.parallel import executor
+from spab_core.maps.stability_map import CELLS, FIELDS, StabilityMap, unsolved
 from spab_core.trajectory.point import OperatingPoint, solve_point
 from spab_core.trajectory.provenance import map_metadata
 from spab_core.trajectory.settings import Settings
@@ -42,7 +39,6 @@ _ARRAYS = {  # of a Branch
     "section": Array(np.float32, ("point", SECTION_POINTS, 4)),
     **{name: CELLS[name].along("point") for name in _COLUMNS},
 }
-_PIECE = _ARRAYS | {"start": Array(np.float64, ("state",), finite=True)}  # in a checkpoint
 _SCHEMA = Schema(
     "bifurcation diagram",
     {"values": Array(np.float64, ("point",), rising=True)}
@@ -53,7 +49,7 @@ _SCHEMA = Schema(
     },
     {"metadata": ("vary", "at", "sweeps")},
 )
-PIECE = 5  # points solved between two checkpoints
+CHUNK_POINTS = 5  # points solved between two checkpoints
 
 
 @dataclass(frozen=True)
@@ -101,11 +97,11 @@ class Bifurcation:
     at: float
     values: np.ndarray
     branches: dict[str, Branch]
-    metadata: dict
+    metadata: dict[str, Any]
 
 
 def _point_at(vary: str, at: float, value: float) -> tuple[float, float]:
-    """(rotor mass, bearing number)."""
+    """Return (rotor mass, bearing number) of a value of the line."""
     return (value, at) if vary == "rotor-mass" else (at, value)
 
 
@@ -127,7 +123,7 @@ def check_line(vary: str, at: float, values: np.ndarray, sweeps: Sequence[str]) 
         check_point(*_point_at(vary, at, float(value)))
 
 
-def _row(point: OperatingPoint) -> dict:
+def _row(point: OperatingPoint) -> dict[str, Any]:
     section = point.trajectory.section[-SECTION_POINTS:, :4]
     kept = np.full((SECTION_POINTS, 4), np.nan, np.float32)
     if point.regime and len(section):
@@ -136,54 +132,66 @@ def _row(point: OperatingPoint) -> dict:
     return cell_values(point) | {"section": kept}
 
 
-def _solve_piece(
+class _Chunk(NamedTuple):
+    """Neighbouring points of a sweep, solved one after the other.
+
+    Attributes
+    ----------
+    cells : ndarray of int, (k,)
+        Their places in the arrays of the checkpoint, which hold one sweep after the other.
+    points : list of tuple
+        (rotor mass, bearing number) of each.
+    carry : bool
+        Whether each point starts from where the one before ended.
+    after : str, optional
+        Name of the chunk in whose last state the first one starts.
+    """
+
+    cells: np.ndarray
+    points: list[tuple[float, float]]
+    carry: bool
+    after: str | None
+
+
+def _chunks(sweeps: Sequence[str], points: Sequence[tuple[float, float]]) -> dict[str, _Chunk]:
+    """Return the chunks of all sweeps by name, in the order in which they are best solved."""
+    found = {}
+    for place, sweep in enumerate(sweeps):
+        order = np.arange(len(points))[:: -1 if sweep == "down" else 1]
+        after = None
+        for k in range(0, len(points), CHUNK_POINTS):
+            indices = order[k : k + CHUNK_POINTS]
+            name, carry = f"{sweep}-{k // CHUNK_POINTS:06d}", sweep != "cold"
+            found[name] = _Chunk(
+                place * len(points) + indices, [points[i] for i in indices], carry, after
+            )
+            after = name if carry else None
+    return found
+
+
+def _solve_chunk(
     design: Design,
     points: Sequence[tuple[float, float]],
     settings: Settings,
     carry: bool,
-    start: np.ndarray | None,
-) -> dict[str, np.ndarray]:
-    """Arrays of operating points solved one after the other; with ``carry`` each from where the one
-    before ended.
+    start: np.ndarray,
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Solve operating points one after the other; runs in a worker.
 
-    ``start`` is the state to begin from; the one to go on from is returned under that name, empty
-    where there is none."""
-    rows = []
+    ``start`` is the state of the first one, empty for a cold start. Returns the points' values by
+    the names of a :class:`Branch`, and the state to go on from, empty without ``carry`` or where
+    the last run failed."""
+    rows, state = [], start if start.size else None
     for mass, number in points:
-        point = solve_point(design, mass, number, settings, start=start)
-        if point.trajectory.status != "ok" and start is not None:
+        point = solve_point(design, mass, number, settings, start=state)
+        if point.trajectory.status != "ok" and state is not None:
             point = solve_point(design, mass, number, settings)
-        start = point.trajectory.final if carry and point.trajectory.status == "ok" else None
+        state = point.trajectory.final if carry and point.trajectory.status == "ok" else None
         rows.append(_row(point))
-    return {
+    values = {
         name: np.array([row[name] for row in rows], array.dtype) for name, array in _ARRAYS.items()
-    } | {"start": np.empty(0) if start is None else start}
-
-
-class _Here(futures.Executor):
-    """Runs what is submitted at once, in this process."""
-
-    def submit(self, fn, /, *args, **kwargs):
-        future: futures.Future = futures.Future()
-        future.set_result(fn(*args, **kwargs))
-        return future
-
-
-@contextlib.contextmanager
-def _executor(workers: int) -> Iterator[futures.Executor]:
-    if workers == 1:
-        yield _Here()
-        return
-    compile_once()
-    processes = ProcessPoolExecutor(
-        max_workers=workers, initializer=end_with_parent, initargs=(os.getpid(),)
-    )
-    done = False
-    try:
-        yield processes
-        done = True
-    finally:
-        processes.shutdown(wait=done, kill_workers=not done)
+    }
+    return values, np.empty(0) if state is None else state
 
 
 def compute_bifurcation(
@@ -195,7 +203,7 @@ def compute_bifurcation(
     *,
     sweeps: Sequence[str] = SWEEPS,
     workers: int = 1,
-    parts: Path | None = None,
+    checkpoint: Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Bifurcation:
     """Solve a line of operating points.
@@ -215,12 +223,12 @@ def compute_bifurcation(
         Of :data:`SWEEPS`.
     workers : int
         Processes. Sweeps up and down use one each at a time.
-    parts : Path, optional
-        Folder for finished pieces. A run that finds its own pieces there goes on from them, to the
+    checkpoint : Path, optional
+        Folder of the checkpoint: a run that finds its own chunks there goes on from them, to the
         same bits.
     progress : callable
         Called with the number of points done since the last call; first with those found in
-        ``parts``, 0 too.
+        ``checkpoint``, 0 too.
 
     Returns
     -------
@@ -229,97 +237,75 @@ def compute_bifurcation(
     Raises
     ------
     InputError
-        For a line out of range, an unknown parameter or sweep, or parts of another run or in use.
+        For a line out of range, an unknown parameter or sweep, or a checkpoint of another run or in use.
     """
     settings = settings or Settings(revolutions=300)
     values = np.asarray(values, float)
     check_line(vary, at, values, sweeps)
-    points = [_point_at(vary, at, float(v)) for v in values]
-    orders, run_hash = {}, ""
-    for sweep in sorted(
-        set(sweeps), key=("up", "down", "cold").index
-    ):  # the two that cannot be shared out first
-        indices = np.arange(len(points))[:: -1 if sweep == "down" else 1]
-        orders[sweep] = [indices[k : k + PIECE] for k in range(0, len(points), PIECE)]
-    if parts:
-        other = np.array([at], float)
-        number, mass = (other, values) if vary == "rotor-mass" else (values, other)
-        run_hash = open_run(
-            parts, design, number, mass, settings, line=[vary, *orders], piece_points=PIECE
-        )
-    with locked(parts), _executor(workers) as executor:
-        found = {sweep: _kept_pieces(parts, sweep, orders[sweep], run_hash) for sweep in orders}
+    # the two that cannot be shared out among processes first
+    ordered = [sweep for sweep in ("up", "down", "cold") if sweep in sweeps]
+    chunks = _chunks(ordered, [_point_at(vary, at, float(v)) for v in values])
+    other = np.array([at], float)
+    number, mass = (other, values) if vary == "rotor-mass" else (values, other)
+    plan = run_plan(
+        design, number, mass, settings, line=[vary, *ordered], chunk_points=CHUNK_POINTS
+    )
+    arrays = {name: unsolved(FIELDS[name], len(ordered) * len(values)) for name in _COLUMNS}
+    arrays["section"] = np.full((len(ordered) * len(values), SECTION_POINTS, 4), np.nan, np.float32)
+    with Checkpoint(checkpoint, plan, arrays).resume() as run:
         if progress:
-            progress(sum(len(orders[sweep][k]) for sweep in found for k in found[sweep]))
-        ready: deque[tuple[str, int]] = deque()  # pieces that can be solved now
-        for sweep, order in orders.items():
-            missing = [k for k in range(len(order)) if k not in found[sweep]]
-            ready += [(sweep, k) for k in (missing if sweep == "cold" else missing[:1])]
-        waiting: dict[futures.Future, tuple[str, int]] = {}
-        while ready or waiting:
-            while ready and len(waiting) < workers:
-                sweep, k = ready.popleft()
-                start = found[sweep][k - 1]["start"] if sweep != "cold" and k else np.empty(0)
-                waiting[
-                    executor.submit(
-                        _solve_piece,
-                        design,
-                        [points[i] for i in orders[sweep][k]],
-                        settings,
-                        sweep != "cold",
-                        start if start.size else None,
-                    )
-                ] = sweep, k
-            for future in futures.wait(waiting, return_when=futures.FIRST_COMPLETED).done:
-                sweep, k = waiting.pop(future)
-                piece = found[sweep][k] = future.result()
-                if parts:
-                    write_atomically(
-                        _part(parts, sweep, k), npz_bytes(piece | {"run": np.array(run_hash)})
-                    )
-                if sweep != "cold" and k + 1 < len(orders[sweep]):
-                    ready.appendleft((sweep, k + 1))
-                if progress:
-                    progress(len(orders[sweep][k]))
+            progress(int(run.solved.sum()))
+        for cells in _solve(design, settings, chunks, run, workers):
+            if progress:
+                progress(len(cells))
     branches = {}
     for sweep in SWEEPS:
-        if sweep in found:
-            back = np.argsort(np.concatenate(orders[sweep]))
+        if sweep in ordered:
+            first = ordered.index(sweep) * len(values)
             branches[sweep] = Branch(
-                **{
-                    name: np.concatenate([found[sweep][k][name] for k in sorted(found[sweep])])[
-                        back
-                    ]
-                    for name in _ARRAYS
-                }
+                **{name: array[first : first + len(values)] for name, array in arrays.items()}
             )
     return Bifurcation(
         vary, float(at), values, branches, map_metadata(design, settings, (len(values),))
     )
 
 
-def _part(parts: Path, sweep: str, k: int) -> Path:
-    return parts / f"chunk-{sweep}-{k:06d}.npz"
-
-
-def _kept_pieces(
-    parts: Path | None, sweep: str, order: Sequence[np.ndarray], run_hash: str
-) -> dict[int, dict]:
-    """The pieces of an earlier run, by number; of a sweep that carries its state those before the
-    first that is missing.
+def _solve(
+    design: Design,
+    settings: Settings,
+    chunks: dict[str, _Chunk],
+    checkpoint: Checkpoint,
+    workers: int,
+) -> Iterator[np.ndarray]:
+    """Solve and save the missing chunks, each when its starting state is known; yield the cells of
+    each.
     """
-    found = {}
-    for k, indices in enumerate(order):
-        path = _part(parts, sweep, k) if parts else None
-        if path and path.exists():
-            found[k] = read_part(path, _PIECE, run_hash, len(indices))
-        elif sweep != "cold":
-            break
-    return found
+    waiting = [name for name, c in chunks.items() if checkpoint.missing(c.cells).size]
+    running: dict[futures.Future[tuple[Chunk, np.ndarray]], str] = {}
+    with executor(workers) as processes:
+        while waiting or running:
+            ready = (
+                n
+                for n in waiting
+                if chunks[n].after is None or chunks[n].after in checkpoint.states
+            )
+            for name in list(itertools.islice(ready, workers - len(running))):
+                waiting.remove(name)
+                chunk = chunks[name]
+                start = checkpoint.states[chunk.after] if chunk.after else np.empty(0)
+                future = processes.submit(
+                    _solve_chunk, design, chunk.points, settings, chunk.carry, start
+                )
+                running[future] = name
+            for future in futures.wait(running, return_when=futures.FIRST_COMPLETED).done:
+                name = running.pop(future)
+                checkpoint.save(name, chunks[name].cells, *future.result())
+                yield chunks[name].cells
 
 
 def chaotic_intervals(values: np.ndarray, regime: np.ndarray) -> list[tuple[float, float]]:
-    """Intervals of a line whose points are chaotic, first and last chaotic value of each.
+    """Return the intervals of a line whose points are chaotic: first and last chaotic value of
+    each.
 
     Parameters
     ----------
@@ -335,8 +321,8 @@ def chaotic_intervals(values: np.ndarray, regime: np.ndarray) -> list[tuple[floa
 
 
 def interval_table(line: Bifurcation, sweeps: Sequence[str]) -> pd.DataFrame:
-    """Chaotic intervals of a line: ``sweep``, ``first`` and ``last`` chaotic value, over bearing
-    numbers both in rpm too.
+    """Return the chaotic intervals of a line: ``sweep``, ``first`` and ``last`` chaotic value; over
+    bearing numbers in rpm too.
     """
     rows = [
         (name, *ends)
@@ -355,7 +341,7 @@ def interval_table(line: Bifurcation, sweeps: Sequence[str]) -> pd.DataFrame:
 
 
 def line_table(line: Bifurcation) -> pd.DataFrame:
-    """A line as one row a sweep and point: where it is, exponent, regime and so on."""
+    """Return a line as a table, one row a sweep and point: where it is, exponent, regime and so on."""
     speed = Design.from_dict(line.metadata["design"]).speed_rpm(1.0)
     mass, number = (line.values, line.at) if line.vary == "rotor-mass" else (line.at, line.values)
     return pd.concat(
@@ -377,9 +363,7 @@ def line_table(line: Bifurcation) -> pd.DataFrame:
 
 
 def line_of_map(m: StabilityMap, vary: str, at: float) -> Bifurcation:
-    """The row or column of a map nearest to a line, as a cold sweep whose section is not known
-    (nan).
-    """
+    """Return the row or column of a map nearest to a line, as a cold sweep without a section (nan)."""
     row, column = m.nearest(at, at)
     cells, at, values = (
         ((row, slice(None)), m.bearing_number[row], m.rotor_mass)

@@ -1,4 +1,7 @@
-"""Chunks of a long run on disk: open, lock, load, resume."""
+"""Checkpoints of a long run: solved chunks in a folder, from which a run that was stopped goes on.
+
+The folder holds ``plan.json`` (what the run computes), ``lock``, and a file ``chunk-NAME.npz`` for
+each solved chunk of cells."""
 
 from __future__ import annotations
 
@@ -6,86 +9,189 @@ import contextlib
 import hashlib
 import json
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import filelock
 import numpy as np
 
 from spab_core.common.arrays import Array, Schema, load
 from spab_core.common.files import patiently, write_atomically
+from spab_core.common.npz import npz_bytes
 from spab_core.design.model import Design
 from spab_core.maps.stability_map import MapError
 from spab_core.solver.cache import solver_hash
 from spab_core.trajectory.settings import Settings
 
-CHUNK_CELLS = 25
+Chunk = dict[str, np.ndarray]
 
 
-def _plan(design, bearing_number, rotor_mass, settings):
-    """What a run computes, as a dictionary that must be the same to resume it."""
-    return {
-        "solver": solver_hash(),
-        "design": design.to_dict(),
-        "settings": settings.to_dict(),
-        "chunk_cells": CHUNK_CELLS,
-        "bearing_number": hashlib.sha256(bearing_number.tobytes()).hexdigest(),
-        "rotor_mass": hashlib.sha256(rotor_mass.tobytes()).hexdigest(),
-    }
-
-
-def open_run(
-    folder: Path,
+def run_plan(
     design: Design,
     bearing_number: np.ndarray,
     rotor_mass: np.ndarray,
     settings: Settings,
-    **more,
-) -> str:
-    """Start a run in ``folder`` or go on with the one that is there; ``more``: what else must be
-    the same to resume it.
+    **more: Any,
+) -> dict[str, Any]:
+    """Return what a run computes, in plain values; ``more`` is added to it."""
+    return {
+        "solver": solver_hash(),
+        "design": design.to_dict(),
+        "settings": settings.to_dict(),
+        "bearing_number": hashlib.sha256(bearing_number.tobytes()).hexdigest(),
+        "rotor_mass": hashlib.sha256(rotor_mass.tobytes()).hexdigest(),
+    } | more
 
-    Returns
-    -------
-    str
-        Hash of what the run computes; every chunk carries it.
 
-    Raises
-    ------
-    MapError
-        Where the folder holds another run.
+class Checkpoint:
+    """The solved cells of a run, saved chunk by chunk.
+
+    Parameters
+    ----------
+    folder : Path or None
+        None: nothing is saved.
+    plan : dict
+        What the run computes, in plain values (:func:`run_plan`): it must be the same to resume.
+    values : dict of ndarray, (n, ...)
+        Arrays to fill, one entry a cell, by name.
+
+    Attributes
+    ----------
+    values : dict of ndarray
+    solved : ndarray of bool, (n,)
+    states : dict of ndarray
+        State of the motion at the end of a chunk, by the chunk's name, for those that hand it on.
     """
-    plan = _plan(design, bearing_number, rotor_mass, settings) | more
-    path = folder / "plan.json"
-    text = json.dumps(plan, indent=1)
-    if path.exists():
+
+    def __init__(
+        self, folder: Path | None, plan: dict[str, Any], values: dict[str, np.ndarray]
+    ) -> None:
+        self.folder, self.values = folder, values
+        self.solved = np.zeros(len(next(iter(values.values()), ())), bool)
+        self.states: dict[str, np.ndarray] = {}
+        self._plan = plan
+        self._run = hashlib.sha256(json.dumps(plan, indent=1).encode()).hexdigest()
+
+    def open(self) -> None:
+        """Create the folder with the run's plan, or check that its plan is the same.
+
+        Raises
+        ------
+        MapError
+            Where the folder holds another run.
+        """
+        if self.folder is None:
+            return
+        path = self.folder / "plan.json"
+        if not path.exists():
+            self.folder.mkdir(parents=True, exist_ok=True)
+            write_atomically(path, json.dumps(self._plan, indent=1).encode())
+            return
         try:
             old = json.loads(path.read_text("utf-8"))
         except (OSError, ValueError, RecursionError):
             old = None
         old = old if isinstance(old, dict) else {}
-        different = sorted(k for k in plan.keys() | old.keys() if plan.get(k) != old.get(k))
+        keys = self._plan.keys() | old.keys()
+        different = sorted(k for k in keys if self._plan.get(k) != old.get(k))
         if different:
             raise MapError(
-                f"{folder} holds the parts of another run (different: {', '.join(different)}); "
-                "finish that run "
-                "with its own settings, or delete the folder"
+                f"{self.folder} holds the chunks of another run (different: "
+                f"{', '.join(different)}); finish that run with its own settings, or delete the "
+                "folder"
             )
-    else:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_atomically(path, text.encode())
-    return hashlib.sha256(text.encode()).hexdigest()
+
+    @contextlib.contextmanager
+    def resume(self) -> Iterator[Checkpoint]:
+        """Open and lock the folder, and load the chunks that are there.
+
+        Raises
+        ------
+        MapError
+            Where the folder holds another run or is in use, or a chunk is damaged.
+        """
+        if self.folder is None:
+            yield self
+            return
+        self.open()
+        with locked(self.folder):
+            for path in sorted(self.folder.glob("chunk-*.npz")):
+                self._fill(path.stem.removeprefix("chunk-"), self.load(path))
+            yield self
+
+    def load(self, path: Path) -> Chunk:
+        """Return the arrays of a chunk's file.
+
+        Raises
+        ------
+        MapError
+            For a file that is damaged or belongs to another run.
+        """
+        arrays = {
+            "run": Array("<U64"),
+            "cells": Array(np.int64, ("cell",), low=0, high=len(self.solved) - 1),
+            "state": Array(np.float64, ("state",)),
+        } | {
+            name: Array(values.dtype, ("cell", *values.shape[1:]))
+            for name, values in self.values.items()
+        }
+        schema = Schema(
+            "finished chunk",
+            arrays,
+            error=MapError,
+            advice="; delete it to compute that chunk again",
+        )
+        chunk = load(path, schema)
+        if str(chunk.pop("run")) != self._run:
+            raise schema.refusal(path, "it belongs to another run")
+        return chunk
+
+    def missing(self, cells: np.ndarray) -> np.ndarray:
+        """Return those of ``cells`` (k,) that are not solved."""
+        missing: np.ndarray = cells[~self.solved[cells]]
+        return missing
+
+    def save(
+        self, name: str, cells: np.ndarray, values: Chunk, state: np.ndarray | None = None
+    ) -> None:
+        """Keep a solved chunk.
+
+        Parameters
+        ----------
+        name : str
+        cells : ndarray of int, (k,)
+        values : dict of ndarray, (k, ...)
+            At least those of :attr:`values`.
+        state : ndarray, (s,), optional
+            State of the motion that the next chunk starts from; empty where there is none.
+        """
+        chunk = {key: values[key] for key in self.values}
+        chunk |= {"cells": cells, "state": np.empty(0) if state is None else state}
+        if self.folder is not None:
+            path = self.folder / f"chunk-{name}.npz"
+            write_atomically(path, npz_bytes(chunk | {"run": np.array(self._run)}))
+        self._fill(name, chunk)
+
+    def _fill(self, name: str, chunk: Chunk) -> None:
+        cells = chunk["cells"]
+        for key, values in self.values.items():
+            values[cells] = chunk[key]
+        self.solved[cells] = True
+        self.states[name] = chunk["state"]
 
 
 @contextlib.contextmanager
-def locked(folder: Path | None) -> Iterator[None]:
-    """Keep a second run away from the same parts, on this machine or on another one that shares the
-    folder.
+def locked(folder: Path) -> Iterator[None]:
+    """Hold the lock of a checkpoint's folder, on this machine and on others that share it, and
+    remove what killed writers left.
+
+    Raises
+    ------
+    MapError
+        Where another run holds it.
     """
-    if folder is None:
-        yield
-        return
     lock = filelock.FileLock(folder / "lock", timeout=0)
     try:
         lock.acquire()
@@ -100,39 +206,17 @@ def locked(folder: Path | None) -> Iterator[None]:
         lock.release()
 
 
-def remove_temporaries(folder: Path, name: str) -> None:
-    """Delete what killed writers of files ``name`` (a pattern) left there.
+def remove_temporaries(folder: Path, pattern: str) -> None:
+    """Delete temporary files that killed writers of files ``pattern`` left in a folder.
 
-    For who holds the lock that they write under.
+    The caller holds the lock under which they are written.
     """
-    for path in folder.glob(f".{name}.tmp"):
+    for path in folder.glob(f".{pattern}.tmp"):
         patiently(partial(path.unlink, missing_ok=True))
 
 
-def read_part(
-    path: Path, arrays: Mapping[str, Array], run_hash: str, count: int | None = None
-) -> dict[str, np.ndarray]:
-    """Return the arrays of a finished chunk; their dimension "point" has the length ``count``.
-
-    Raises
-    ------
-    MapError
-        For a file that is damaged or belongs to another run.
-    """
-    schema = Schema(
-        "finished chunk",
-        {**arrays, "run": Array("<U64")},
-        error=MapError,
-        advice="; delete it to compute that chunk again",
-    )
-    found = load(path, schema, None if count is None else {"point": count})
-    if str(found.pop("run")) != run_hash:
-        raise schema.refusal(path, "it belongs to another run")
-    return found
-
-
-def remove_parts(parts: Path) -> None:
-    """Delete the chunks of a finished run."""
-    for chunk in sorted(parts.glob("chunk-*.npz")):  # before the plan that they belong to
+def remove_checkpoint(folder: Path) -> None:
+    """Delete the checkpoint of a finished run."""
+    for chunk in sorted(folder.glob("chunk-*.npz")):  # before the plan that they belong to
         patiently(partial(chunk.unlink, missing_ok=True))
-    shutil.rmtree(parts, ignore_errors=True)
+    shutil.rmtree(folder, ignore_errors=True)

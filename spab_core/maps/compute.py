@@ -1,35 +1,36 @@
-"""Computes stability maps in chunks that survive a crash, on the cores of this machine or of a Dask
-cluster.
+"""Solve many operating points, each from its own cold start, in chunks that survive a crash, on
+the cores of this machine or of a Dask cluster.
 
-Every cell is a cold start of its own, so the result does not depend on the number of workers, their
-order or their machine."""
+The result does not depend on the number of workers, their order or their machine."""
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import joblib
 import numpy as np
 
-from spab_core.common.arrays import Array
-from spab_core.common.files import write_atomically
-from spab_core.common.npz import npz_bytes
 from spab_core.design.model import Design
-from spab_core.maps.checkpoints import CHUNK_CELLS, locked, open_run, read_part
+from spab_core.maps.checkpoints import Checkpoint, Chunk, run_plan
 from spab_core.maps.parallel import cluster_or_processes
-from spab_core.maps.stability_map import CHUNK_ARRAYS, FIELDS, MapError, StabilityMap, check_plane
+from spab_core.maps.stability_map import FIELDS, MapError, StabilityMap, check_plane, unsolved
 from spab_core.solver.cache import solver_hash
 from spab_core.trajectory.point import OperatingPoint, solve_point
 from spab_core.trajectory.provenance import map_metadata
 from spab_core.trajectory.settings import Settings
 
-_CHUNK = CHUNK_ARRAYS | {"seconds": Array(np.float64, low=0.0), "steps": Array(np.int64, low=0)}
+CHUNK_CELLS = 25
+_COSTS: dict[str, type] = {"seconds": np.float64, "steps": np.int64}  # of each cell
+CellSolver = Callable[[np.ndarray], Chunk]
 
 
-def cell_values(point: OperatingPoint) -> dict:
-    """A solved point as the values of a map's cell: one for each name in ``FIELDS``."""
+def cell_values(point: OperatingPoint) -> dict[str, Any]:
+    """Return a solved point as the values of a map's cell, by the names of ``FIELDS``."""
     mle, regime, trajectory = point.mle, point.regime, point.trajectory
     return {
         "mle": mle.value if mle else np.nan,
@@ -44,22 +45,116 @@ def cell_values(point: OperatingPoint) -> dict:
 
 
 def solve_chunk(
-    number: int, design: Design, cells: list[tuple[float, float]], settings: Settings
-) -> tuple[int, dict[str, np.ndarray]]:
-    """Solve (bearing number, rotor mass) cells one after the other; runs in a worker."""
-    began = time.perf_counter()
-    points = [
-        solve_point(design, rotor_mass, bearing_number, settings)
-        for bearing_number, rotor_mass in cells
-    ]
-    rows = [cell_values(point) for point in points]
-    result = {name: np.array([row[name] for row in rows], dtype) for name, dtype in FIELDS.items()}
-    steps = sum(point.trajectory.steps for point in points)
-    return number, result | {
-        "seconds": np.array(time.perf_counter() - began),
-        "steps": np.array(steps),
-        "solver": np.array(solver_hash()),
+    name: str, design: Design, points: Sequence[tuple[float, float]], settings: Settings
+) -> tuple[str, Chunk]:
+    """Solve (bearing number, rotor mass) points one after the other; runs in a worker.
+
+    Returns
+    -------
+    name : str
+    values : dict of ndarray, (k,)
+        By the names of ``FIELDS``; ``seconds`` and ``steps`` of each point; ``solver``, the hash
+        of the worker's solver.
+    """
+    rows = []
+    for bearing_number, rotor_mass in points:
+        began = time.perf_counter()
+        point = solve_point(design, rotor_mass, bearing_number, settings)
+        costs = {"seconds": time.perf_counter() - began, "steps": point.trajectory.steps}
+        rows.append(cell_values(point) | costs)
+    values = {
+        key: np.array([row[key] for row in rows], dtype) for key, dtype in (FIELDS | _COSTS).items()
     }
+    return name, values | {"solver": np.array(solver_hash())}
+
+
+@contextlib.contextmanager
+def cell_solver(
+    design: Design,
+    bearing_number: np.ndarray,
+    rotor_mass: np.ndarray,
+    settings: Settings,
+    *,
+    checkpoint: Path | None = None,
+    plan: dict[str, Any] | None = None,
+    chunk_cells: int = CHUNK_CELLS,
+    workers: int = 1,
+    cluster: str | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Iterator[CellSolver]:
+    """Solve cells of a plane when asked for, each from its own cold start, once.
+
+    Parameters
+    ----------
+    design : Design
+    bearing_number : ndarray, (B,)
+    rotor_mass : ndarray, (M,)
+        kg on one bearing.
+    settings : Settings
+    checkpoint : Path, optional
+        Folder of the checkpoint: a run that was killed goes on from it.
+    plan : dict, optional
+        What else must be the same to resume, such as a seed; plain values.
+    chunk_cells : int
+        Cells solved between two checkpoints.
+    workers : int
+        Processes; the values do not depend on it.
+    cluster : str, optional
+        Address of a Dask scheduler, such as ``tcp://host:8786``: its workers solve instead.
+    progress : callable
+        Called with the number of cells done since the last call; first of each call of the solver
+        with those that were solved before, 0 too.
+
+    Yields
+    ------
+    callable
+        Flat indices (k,) -> values (k,) by the names of ``FIELDS``, ``seconds`` and ``steps``.
+
+    Raises
+    ------
+    MapError
+        Where ``checkpoint`` holds another run, is in use, or is damaged.
+    InputError
+        For axes out of range, or a cluster that does not answer or runs another solver.
+    """
+    count = check_plane(bearing_number, rotor_mass)
+    points = [(float(b), float(m)) for b in bearing_number for m in rotor_mass]
+    values = {name: unsolved(dtype, count) for name, dtype in (FIELDS | _COSTS).items()}
+    same = run_plan(design, bearing_number, rotor_mass, settings, **(plan or {}))
+    if cluster is not None:
+        # an address where nobody answers is told before anything else is done
+        with cluster_or_processes(workers, cluster):
+            pass
+    with Checkpoint(checkpoint, same, values).resume() as run:
+        names = (n for k in itertools.count() if (n := f"{k:06d}") not in run.states)
+
+        def solve(cells: np.ndarray) -> Chunk:
+            missing = run.missing(cells)
+            if progress:
+                progress(len(cells) - len(missing))
+            chunks = {
+                next(names): missing[k : k + chunk_cells]
+                for k in range(0, len(missing), chunk_cells)
+            }
+            jobs = (
+                joblib.delayed(solve_chunk)(name, design, [points[c] for c in chunk], settings)
+                for name, chunk in chunks.items()
+            )
+            if chunks:
+                # open for a call only: what trains in between must not find the cluster at hand
+                with cluster_or_processes(workers, cluster) as parallel:
+                    for name, found in parallel(jobs):
+                        if str(found["solver"]) != solver_hash():
+                            raise MapError(
+                                f"the workers of {cluster} run another version of spab's solver "
+                                "than this process: install the same version there"
+                            )
+                        run.save(name, chunks[name], found)
+                        if progress:
+                            progress(len(chunks[name]))
+            return {name: array[cells] for name, array in values.items()}
+
+        yield solve
 
 
 def compute_map(
@@ -70,7 +165,7 @@ def compute_map(
     *,
     workers: int = 1,
     cluster: str | None = None,
-    parts: Path | None = None,
+    checkpoint: Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> StabilityMap:
     """Solve every cell of a plane from its own cold start.
@@ -87,8 +182,8 @@ def compute_map(
     cluster : str, optional
         Address of a Dask scheduler, such as ``tcp://host:8786``: its workers instead of processes
         here.
-    parts : Path, optional
-        Folder for finished chunks. A run that finds its own chunks there goes on from them.
+    checkpoint : Path, optional
+        Folder of the checkpoint: a run that finds its own chunks there goes on from them.
     progress : callable
         Called with the number of cells done since the last call.
 
@@ -99,54 +194,28 @@ def compute_map(
     Raises
     ------
     InputError
-        For axes out of range, parts of another run or in use, or a cluster that does not answer or
-        runs another solver.
+        As :func:`cell_solver`.
     """
     settings = settings or Settings(revolutions=300)
     bearing_number, rotor_mass = np.asarray(bearing_number, float), np.asarray(rotor_mass, float)
-    count = check_plane(bearing_number, rotor_mass)
-    cells = [(float(b), float(m)) for b in bearing_number for m in rotor_mass]
-    chunks = [cells[k : k + CHUNK_CELLS] for k in range(0, count, CHUNK_CELLS)]
-    run_hash = open_run(parts, design, bearing_number, rotor_mass, settings) if parts else ""
-    with locked(parts):
-        results: dict[int, dict] = {}
-        for k in range(len(chunks)):
-            path = parts / f"chunk-{k:06d}.npz" if parts else None
-            if path and path.exists():
-                results[k] = read_part(path, _CHUNK, run_hash, len(chunks[k]))
-        if progress:
-            progress(sum(len(chunks[k]) for k in results))
-        missing = [k for k in range(len(chunks)) if k not in results]
-        began = time.perf_counter()
-        if missing:
-            with cluster_or_processes(workers, cluster) as run:
-                for k, result in run(
-                    joblib.delayed(solve_chunk)(k, design, chunks[k], settings) for k in missing
-                ):
-                    if str(result.pop("solver")) != solver_hash():
-                        raise MapError(
-                            f"the workers of {cluster} run another version of spab's solver than "
-                            "this process: "
-                            "install the same version there"
-                        )
-                    results[k] = result
-                    if parts:
-                        write_atomically(
-                            parts / f"chunk-{k:06d}.npz",
-                            npz_bytes(result | {"run": np.array(run_hash)}),
-                        )
-                    if progress:
-                        progress(len(chunks[k]))
-
     shape = (len(bearing_number), len(rotor_mass))
-    arrays = {
-        name: np.concatenate([results[k][name] for k in range(len(chunks))]).reshape(shape)
-        for name in FIELDS
-    }
+    with cell_solver(
+        design,
+        bearing_number,
+        rotor_mass,
+        settings,
+        checkpoint=checkpoint,
+        workers=workers,
+        cluster=cluster,
+        progress=progress,
+    ) as solve:
+        began = time.perf_counter()
+        found = solve(np.arange(shape[0] * shape[1]))
     metadata = map_metadata(design, settings, shape) | {
         "wall_seconds": time.perf_counter() - began,  # of the last session, if the run was resumed
-        "worker_seconds": float(sum(float(r["seconds"]) for r in results.values())),
-        "steps": int(sum(int(r["steps"]) for r in results.values())),
+        "worker_seconds": float(found["seconds"].sum()),
+        "steps": int(found["steps"].sum()),
         "workers": workers if cluster is None else "dask",
     }
+    arrays = {name: found[name].reshape(shape) for name in FIELDS}
     return StabilityMap(bearing_number, rotor_mass, **arrays, metadata=metadata)

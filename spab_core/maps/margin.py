@@ -8,7 +8,9 @@ not periodic, failed cells among it."""
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +46,8 @@ class Border:
 
 @dataclass(frozen=True)
 class Nearest:
-    """The nearest point of the other kind in the whole plane.
+    """The nearest point in the whole plane that is of the other kind (unstable from stable, for
+    instance).
 
     Attributes
     ----------
@@ -76,7 +79,7 @@ class Borders:
 
 @dataclass(frozen=True)
 class Margin:
-    """What a map knows around an operating point.
+    """Borders around an operating point of a map.
 
     Attributes
     ----------
@@ -108,7 +111,7 @@ class Margin:
     numbers: tuple[float, float]
 
     def headline(self) -> str:
-        """The margin in one sentence."""
+        """Return the margin in one sentence."""
         kind, begin = (
             ("unstable", "Margin") if self.stable else ("stable", f"Unstable here ({self.here})")
         )
@@ -151,8 +154,8 @@ class Margin:
         """Shaft speed of the point."""
         return self.bearing_number * self.rpm_per_number
 
-    def record(self) -> dict:
-        """Plain values: the keys of ``spab margin --json``."""
+    def record(self) -> dict[str, Any]:
+        """Return plain values, the keys of ``spab margin --json``."""
         return asdict(self) | {
             "speed_rpm": self.speed_rpm,
             "headline": self.headline(),
@@ -171,8 +174,8 @@ class Margin:
         )
 
     def _units(self, axis: str) -> tuple[str, float, tuple[float, float]]:
-        """Unit of the axis ``mass`` or ``number`` in words, what one of it is in that unit, and the
-        map's edges.
+        """Return the unit of the axis ``mass`` or ``number`` in words, what one of it is in that
+        unit, and the map's edges.
         """
         return (
             ("kg", 1.0, self.masses)
@@ -207,7 +210,7 @@ class Margin:
         return "; ".join(text for _, text in sorted(told))
 
     def _ends(self, borders: Borders, axis: str) -> str:
-        """Both borders along an axis without their distances."""
+        """Write both borders along an axis without their distances."""
         unit, scale, _ = self._units(axis)
         sides = {side: getattr(borders, f"{axis}_{side}") for side in ("below", "above")}
         return (
@@ -228,13 +231,13 @@ def _percent(change: float) -> str:
 
 
 def _thousands(value: float, resolution: float) -> str:
-    """A number without digits finer than the first one of its resolution."""
+    """Write a number without digits finer than the first one of its resolution."""
     digits = -math.floor(math.log10(resolution)) if resolution > 0.0 else 6
     return f"{round(value, digits):,.{max(digits, 0)}f}"
 
 
 def margin(m: StabilityMap, rotor_mass: float, bearing_number: float) -> Margin:
-    """How far a point of a map is from instability and from chaos, or from the end of them.
+    """Return how far a point of a map is from instability and from chaos, or from the end of them.
 
     Parameters
     ----------
@@ -287,8 +290,8 @@ def margin(m: StabilityMap, rotor_mass: float, bearing_number: float) -> Margin:
 
 
 def _edges(axis: np.ndarray) -> np.ndarray:
-    """Edges of the cells, (n + 1,): halfway between the centres, the outermost at the centres: the
-    map ends there.
+    """Return the edges of the cells, (n + 1,): halfway between the centres; the outermost are the
+    outermost centres, where the map ends.
     """
     if np.any(np.diff(axis) <= 0.0):
         raise MapError("the axes of this map do not rise: no margin can be told")
@@ -300,7 +303,9 @@ def _words(m: StabilityMap, row: int, column: int) -> str:
     return Regime(name, int(m.period[row, column])).text if name else str(m.status[row, column])
 
 
-def _along(other, k, axis, point, words) -> tuple[Border | None, Border | None]:
+def _along(
+    other: np.ndarray, k: int, axis: np.ndarray, point: float, words: Callable[[int], str]
+) -> tuple[Border | None, Border | None]:
     """Borders below and above index k to the first cells where ``other`` is true."""
     found: list[Border | None] = []
     for cells, step in (
@@ -320,9 +325,16 @@ def _along(other, k, axis, point, words) -> tuple[Border | None, Border | None]:
     return found[0], found[1]
 
 
-def _nearest(m, other, numbers, masses, rotor_mass, bearing_number) -> Nearest | None:
-    """The point of the boxes of the cells in ``other`` that is reached by the smallest relative
-    change.
+def _nearest(
+    m: StabilityMap,
+    other: np.ndarray,
+    numbers: np.ndarray,
+    masses: np.ndarray,
+    rotor_mass: float,
+    bearing_number: float,
+) -> Nearest | None:
+    """Return the point in the boxes of the cells in ``other`` that is reached by the smallest
+    relative change.
     """
     rows, columns = np.nonzero(other)
     if not len(rows):
@@ -354,7 +366,7 @@ class Region:
     masses: tuple[float, float]
 
     def text(self) -> str:
-        """Such as "12 % of the cells (mostly Λ 2.9 to 8.3, 4 to 24 kg)"."""
+        """Return a sentence such as "12 % of the cells (mostly Λ 2.9 to 8.3, 4 to 24 kg)"."""
         if not self.share:
             return "no cell"
         (a, b), (c, d) = self.numbers, self.masses
@@ -363,7 +375,7 @@ class Region:
 
 @dataclass(frozen=True)
 class LinearDisagreement:
-    """Where linear stability of the static equilibrium, without unbalance, does not foretell the
+    """Where linear stability of the static equilibrium, without unbalance, does not predict the
     motion with unbalance.
 
     Attributes
@@ -394,13 +406,14 @@ class LinearDisagreement:
 
 
 def critical_masses(table: LinearTable, bearing_number: float) -> np.ndarray:
-    """Rotor masses in kg, rising, where the equilibrium changes its stability at a bearing number:
-    zeros of the rate.
+    """Return the rotor masses in kg, rising, at which the equilibrium changes its stability at a
+    bearing number: zeros of the growth rate.
     """
     mass = table.rotor_mass
     rate = table.at(np.full(len(mass), bearing_number), mass)[:, 0]
     k = np.flatnonzero((rate[:-1] < 0.0) != (rate[1:] < 0.0))
-    return mass[k] + np.diff(mass)[k] * rate[k] / (rate[k] - rate[k + 1])
+    zeros: np.ndarray = mass[k] + np.diff(mass)[k] * rate[k] / (rate[k] - rate[k + 1])
+    return zeros
 
 
 def against_linear(m: StabilityMap, table: LinearTable) -> LinearDisagreement:

@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent import futures
+from typing import ParamSpec, TypeVar
 
 import joblib
+from joblib.externals.loky import ProcessPoolExecutor
 
 from spab_core.common.errors import InputError
 from spab_core.common.processes import end_with_parent
 from spab_core.trajectory.compiling import compile_once
 
+P = ParamSpec("P")
+T = TypeVar("T")
 CLUSTER_SECONDS = 20  # for a scheduler to answer and for its first worker
 
 
 @contextlib.contextmanager
 def cluster_or_processes(workers: int, cluster: str | None = None) -> Iterator[joblib.Parallel]:
-    """joblib's worker processes, or those of a Dask cluster."""
+    """Yield joblib's worker processes, or those of a Dask cluster."""
     options = {"return_as": "generator_unordered", "pre_dispatch": "2*n_jobs"}
     if cluster is None:
         compile_once()  # before several would at once
@@ -43,3 +48,30 @@ def cluster_or_processes(workers: int, cluster: str | None = None) -> Iterator[j
             ) from None
         stack.enter_context(joblib.parallel_config(backend="dask", client=client))
         yield joblib.Parallel(n_jobs=-1, **options)
+
+
+class _Here(futures.Executor):
+    """Run what is submitted at once, in this process."""
+
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> futures.Future[T]:
+        future: futures.Future[T] = futures.Future()
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+@contextlib.contextmanager
+def executor(workers: int) -> Iterator[futures.Executor]:
+    """Start worker processes, which are killed if the block raises; 1: this process."""
+    if workers == 1:
+        yield _Here()
+        return
+    compile_once()
+    processes = ProcessPoolExecutor(
+        max_workers=workers, initializer=end_with_parent, initargs=(os.getpid(),)
+    )
+    done = False
+    try:
+        yield processes
+        done = True
+    finally:
+        processes.shutdown(wait=done, kill_workers=not done)

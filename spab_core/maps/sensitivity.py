@@ -53,7 +53,7 @@ _COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Margin:
+class MachineMargin:
     """How far a machine is from the nearest change between stable (periodic) and unstable motion
     along one axis.
 
@@ -96,7 +96,7 @@ class Margin:
 def is_stable(
     design: Design, rotor_mass: float, speed_rpm: float, settings: Settings = SETTINGS
 ) -> bool:
-    """Whether the motion from the cold start is periodic; ``rotor_mass`` in kg."""
+    """Return whether the motion from the cold start is periodic; ``rotor_mass`` in kg."""
     regime = solve_point(design, rotor_mass, _number(design, speed_rpm), settings).regime
     return regime is not None and regime.name == "periodic"
 
@@ -125,7 +125,7 @@ def machine_margin(
     settings: Settings = SETTINGS,
     *,
     scan: int = SCAN,
-) -> Margin:
+) -> MachineMargin:
     """Seek the nearest borders along an axis, by cold starts outward from the operating point and
     bisection.
 
@@ -144,7 +144,7 @@ def machine_margin(
 
     Returns
     -------
-    Margin
+    MachineMargin
 
     Raises
     ------
@@ -159,30 +159,36 @@ def machine_margin(
         else ROTOR_MASS_RANGE
     )
 
-    def stable(value):
+    def stable(value: float) -> bool:
         mass, speed = (rotor_mass, value) if axis == "speed" else (value, speed_rpm)
         return is_stable(design, mass, speed, settings)
 
-    here, borders, ends = stable(at), [], []
-    for sign in (-1, 1):
-        end = float(np.clip(at * REACH**sign, *limits))
-        border, before = float("nan"), at
-        for value in np.geomspace(at, end, scan + 1)[1:] if end != at else ():
-            if stable(float(value)) != here:
-                near, far = before, float(value)
-                for _ in range(BISECTIONS):
-                    middle = float(np.sqrt(near * far))
-                    near, far = (middle, far) if stable(middle) == here else (near, middle)
-                border = float(np.sqrt(near * far))
-                break
-            before = float(value)
-        borders.append(border)
-        ends.append(end)
-    return Margin(axis, here, float(at), *borders, *ends)
+    here = stable(at)
+    low, high = (float(np.clip(at * factor, *limits)) for factor in (1.0 / REACH, REACH))
+    below, above = (_border(stable, here, at, end, scan) for end in (low, high))
+    return MachineMargin(axis, here, float(at), below, above, low, high)
+
+
+def _border(stable: Callable[[float], bool], here: bool, at: float, end: float, scan: int) -> float:
+    """Return the first value from ``at``, where ``stable`` is ``here``, to ``end`` at which it
+    changes; nan where it does not.
+    """
+    near = at
+    for value in np.geomspace(at, end, scan + 1)[1:].tolist() if end != at else ():
+        if stable(value) == here:
+            near = value
+            continue
+        far = value  # bisected by hand: each end costs a run, scipy's would solve both again
+        for _ in range(BISECTIONS):
+            middle = float(np.sqrt(near * far))
+            near, far = (middle, far) if stable(middle) == here else (near, middle)
+        return float(np.sqrt(near * far))
+    return math.nan
 
 
 def variations(design: Design, step: float = STEP) -> list[tuple[str, float, Design]]:
-    """The designs with one value lower and higher by ``step``: (name of the value, factor, design).
+    """Return the designs with one value lower and higher by ``step``: (name of the value, factor,
+    design).
 
     Values that are nought or infinite (no unbalance, a rigid shaft), and designs out of range, are
     left out."""
@@ -211,9 +217,9 @@ def sensitivity(
     scan: int = SCAN,
     workers: int = 1,
     progress: Callable[[int], None] | None = None,
-) -> tuple[Margin, pd.DataFrame]:
-    """How the margin of a machine moves with each value of its drawing: the numbers of a tornado
-    chart.
+) -> tuple[MachineMargin, pd.DataFrame]:
+    """Return how the margin of a machine moves with each value of its design: the numbers of a
+    tornado chart.
 
     Parameters
     ----------
@@ -229,7 +235,7 @@ def sensitivity(
 
     Returns
     -------
-    Margin
+    MachineMargin
         Of the design as it is.
     DataFrame
         A row for each value and direction: ``value``, ``factor``, ``stable``, ``below``, ``above``
@@ -244,11 +250,11 @@ def sensitivity(
     check_number("step", step, *STEPS)
     check_margin(design, rotor_mass, speed_rpm, axis, scan)
     cases = [("", 1.0, design), *variations(design, step)]
-    margins: dict[int, Margin] = {}
+    margins: dict[int, MachineMargin] = {}
     with cluster_or_processes(workers) as run:
         jobs = (
             joblib.delayed(_numbered_margin)(
-                k, case[2], rotor_mass, speed_rpm, axis, settings, scan
+                k, case[2], rotor_mass, speed_rpm, axis, settings, scan=scan
             )
             for k, case in enumerate(cases)
         )
@@ -280,12 +286,11 @@ def sensitivity(
     return base, table.loc[order].reset_index(drop=True)
 
 
-def _numbered_margin(number, *arguments):
-    *first, scan = arguments
-    return number, machine_margin(*first, scan=scan)
+def _numbered_margin(number: int, *arguments: Any, scan: int) -> tuple[int, MachineMargin]:
+    return number, machine_margin(*arguments, scan=scan)
 
 
-def save_sensitivity(base: Margin, table: pd.DataFrame, path: Path) -> None:
+def save_sensitivity(base: MachineMargin, table: pd.DataFrame, path: Path) -> None:
     """Write what :func:`sensitivity` gave as JSON, atomically."""
     rows = table.astype(object).where(table.notna(), None).to_dict("list")
     numbers = {
@@ -294,7 +299,7 @@ def save_sensitivity(base: Margin, table: pd.DataFrame, path: Path) -> None:
     write_atomically(path, json.dumps({"base": numbers, "rows": rows}).encode())
 
 
-def load_sensitivity(path: Path) -> tuple[Margin, pd.DataFrame]:
+def load_sensitivity(path: Path) -> tuple[MachineMargin, pd.DataFrame]:
     """What :func:`save_sensitivity` wrote. Raises ``InputError`` for any other file."""
     try:
         if path.stat().st_size > _MAX_BYTES:
@@ -303,7 +308,7 @@ def load_sensitivity(path: Path) -> tuple[Margin, pd.DataFrame]:
         numbers: dict[str, Any] = {
             name: float("nan") if value is None else value for name, value in data["base"].items()
         }
-        base = Margin(**numbers)
+        base = MachineMargin(**numbers)
         places = [float(number) for number in (base.low, base.at, base.high)]
         if (
             base.axis not in AXES
@@ -323,7 +328,7 @@ def load_sensitivity(path: Path) -> tuple[Margin, pd.DataFrame]:
 
 
 def regime_intervals(values: np.ndarray, regime: Sequence[str]) -> pd.DataFrame:
-    """What a line of operating points crosses: one row for each run of equal regimes.
+    """Return what a line of operating points crosses: one row for each run of equal regimes.
 
     Parameters
     ----------

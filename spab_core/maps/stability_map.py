@@ -33,13 +33,16 @@ CELLS = {  # the arrays with one value a cell, in the file's order
     "revolutions": Array(np.int32, _CELL, low=0, high=1e6),
 }
 FIELDS: dict[str, Any] = {name: array.dtype for name, array in CELLS.items()}
-CHUNK_ARRAYS = {
-    name: array.along("point") for name, array in CELLS.items()
-}  # cells of a checkpoint
 AXES = {
     "bearing_number": Array(np.float64, ("bearing_number",), rising=True),
     "rotor_mass": Array(np.float64, ("rotor_mass",), rising=True),
 }
+
+
+def unsolved(dtype: Any, shape: int | tuple[int, ...]) -> np.ndarray:
+    """Return an array of a dtype filled with what stands for "not solved": nan, "" or 0."""
+    kind = np.dtype(dtype).kind
+    return np.full(shape, np.nan if kind == "f" else "" if kind == "U" else 0, dtype)
 
 
 class MapError(InputError):
@@ -88,7 +91,7 @@ class StabilityMap:
     max_eccentricity: np.ndarray
     status: np.ndarray
     revolutions: np.ndarray
-    metadata: dict = field(default_factory=dict)
+    metadata: dict[str, Any] = field(default_factory=dict)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -101,14 +104,14 @@ class StabilityMap:
         return Design.from_dict(self.metadata["design"])
 
     def nearest(self, rotor_mass: float, bearing_number: float) -> tuple[int, int]:
-        """Indices (bearing number, rotor mass) of the nearest cell."""
+        """Return the indices (bearing number, rotor mass) of the nearest cell."""
         return (
             int(np.abs(self.bearing_number - bearing_number).argmin()),
             int(np.abs(self.rotor_mass - rotor_mass).argmin()),
         )
 
     def cell_text(self, row: int, column: int) -> str:
-        """A cell in words: regime with period and exponent, or the status of a failed run."""
+        """Describe a cell in words: regime with period and exponent, or the status of a failed run."""
         if not self.regime[row, column]:
             return f"no exponent ({self.status[row, column]})"
         name = Regime(str(self.regime[row, column]), int(self.period[row, column])).text
@@ -144,7 +147,7 @@ def axis(text: str, name: str) -> np.ndarray:
 
 
 def check_plane(bearing_number: np.ndarray, rotor_mass: np.ndarray) -> int:
-    """Number of cells of a plane.
+    """Return the number of cells of a plane.
 
     Raises :class:`InputError` where there are too many or one is out of range.
     """

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
-from spab_core.maps.sensitivity import Margin
+from spab_core.maps.sensitivity import MachineMargin
 from spab_core.plotting.theme import JOURNAL, NEUTRAL, SECTION
 
 REGIME_COLOURS = {
@@ -18,13 +18,13 @@ REGIME_COLOURS = {
 _UNITS = {"speed": "rpm", "mass": "kg"}
 
 
-def tornado_figure(base: Margin, table: pd.DataFrame) -> go.Figure:
+def tornado_figure(base: MachineMargin, table: pd.DataFrame) -> go.Figure:
     """How the distance to the nearest border moves with each value of the drawing, the largest
     effect on top.
 
     Parameters
     ----------
-    base : Margin
+    base : MachineMargin
     table : DataFrame
         Of ``what_if.sensitivity``.
 

@@ -11,7 +11,7 @@ import pandas as pd
 import plotly.graph_objects as go
 from choreographer.browsers.chromium import Chromium
 from choreographer.errors import ChromeNotFoundError
-from scipy.io import netcdf_file
+from scipy.io import netcdf_file, netcdf_variable
 
 from spab_core.common.errors import InputError
 from spab_core.maps.stability_map import StabilityMap
@@ -20,10 +20,8 @@ from spab_core.surrogates.models import PredictedMap
 from spab_core.trajectory.regimes import REGIMES
 
 PNG_SIZE = (1200, 750)
-_CODES = {
-    "regime": ("no exponent", *REGIMES),
-    "status": STATUS,
-}  # text arrays: NetCDF 3 has numbers with flag meanings
+# text arrays become numbers whose meanings are listed: NetCDF 3 has no strings
+_CODES = {"regime": ("no exponent", *REGIMES), "status": STATUS}
 _NUMBERS = {
     "mle": ("maximum Lyapunov exponent, natural logarithm", "per revolution"),
     "mle_standard_error": ("standard error of the exponent", "per revolution"),
@@ -36,9 +34,7 @@ _NUMBERS = {
 
 @functools.cache
 def browser_path() -> str | None:
-    """Chromium or Chrome of this machine, which draws PNG pictures and prints PDF; None where there
-    is none.
-    """
+    """Return the path of Chromium or Chrome, which draws PNG and prints PDF; None without one."""
     try:
         return Chromium.find_browser(skip_local=False)
     except (ChromeNotFoundError, OSError):
@@ -46,12 +42,13 @@ def browser_path() -> str | None:
 
 
 def figure_html(figure: go.Figure) -> bytes:
-    """A figure as one HTML file that needs no network."""
-    return figure.to_html(include_plotlyjs=True, config={"displaylogo": False}).encode()
+    """Return a figure as one HTML file that needs no network."""
+    page: str = figure.to_html(include_plotlyjs=True, config={"displaylogo": False})
+    return page.encode()
 
 
 def figure_png(figure: go.Figure, width: int = PNG_SIZE[0], height: int = PNG_SIZE[1]) -> bytes:
-    """A figure as PNG at twice ``width`` x ``height`` pixels, drawn by a browser of this machine.
+    """Draw a figure as PNG of twice ``width`` x ``height`` pixels with a browser of this machine.
 
     Raises
     ------
@@ -64,9 +61,9 @@ def figure_png(figure: go.Figure, width: int = PNG_SIZE[0], height: int = PNG_SI
             "HTML instead"
         )
     try:
-        return go.Figure(figure, layout_template="plotly_white").to_image(
-            format="png", width=width, height=height, scale=2
-        )
+        drawn = go.Figure(figure, layout_template="plotly_white")
+        png: bytes = drawn.to_image(format="png", width=width, height=height, scale=2)
+        return png
     except (RuntimeError, OSError, ValueError) as error:
         raise InputError(
             f"the browser did not draw the figure: {' '.join(str(error).split())[:200]}"
@@ -74,7 +71,7 @@ def figure_png(figure: go.Figure, width: int = PNG_SIZE[0], height: int = PNG_SI
 
 
 def map_table(m: StabilityMap) -> pd.DataFrame:
-    """A map as one row a cell, (B M) rows in the order of ``mle.ravel()``."""
+    """Return a map as a table of B M rows, one a cell, in the order of ``mle.ravel()``."""
     columns: dict[str, np.ndarray] = {
         "bearing_number": np.repeat(m.bearing_number, len(m.rotor_mass)),
         "speed_rpm": np.repeat(m.design.speed_rpm(1.0) * m.bearing_number, len(m.rotor_mass)),
@@ -99,15 +96,15 @@ def map_table(m: StabilityMap) -> pd.DataFrame:
 
 
 def prediction_table(m: StabilityMap, predicted: PredictedMap) -> pd.DataFrame:
-    """A predicted map beside the solved one, one row a cell as in :func:`map_table`."""
+    """Return a predicted map beside the solved one, one row a cell as in :func:`map_table`."""
     return map_table(m)[["bearing_number", "speed_rpm", "rotor_mass_kg", "mle"]].assign(
         predicted_mle=predicted.mle.ravel(), trained=predicted.trained.ravel()
     )
 
 
 def map_netcdf(m: StabilityMap) -> bytes:
-    """A map as a NetCDF file (classic format), with units, and regime and status as flags (CF
-    conventions, section 3.5).
+    """Return a map as a NetCDF file (classic format) with units; regime and status are flags by
+    the CF conventions, section 3.5.
     """
     buffer = io.BytesIO()
     file = netcdf_file(buffer, "w")
@@ -135,7 +132,14 @@ def map_netcdf(m: StabilityMap) -> bytes:
     return buffer.getvalue()
 
 
-def _variable(file, name, values, dimensions, text, unit):
+def _variable(
+    file: netcdf_file,
+    name: str,
+    values: np.ndarray,
+    dimensions: tuple[str, ...],
+    text: str,
+    unit: str,
+) -> netcdf_variable:
     variable = file.createVariable(name, values.dtype, dimensions)
     variable[:] = values
     variable.long_name, variable.units = text, unit

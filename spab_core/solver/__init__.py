@@ -4,6 +4,7 @@ Module               What it answers
 -------------------  ----------------------------------------
 film                 The mesh and the discretised Reynolds equation, readable
 rotor                Disc, journal, shaft and contact, readable
+system               Both at one operating point, on one mesh
 cache                Where compiled kernels are kept, one folder for each state of the sources
 simd                 Eight doubles in a register
 row_ops              Rows of the film's state in registers
@@ -11,5 +12,6 @@ slope                The right-hand side and its tangent, compiled
 curvature            The second derivative of the right-hand side along a direction
 linear_solve         The linear system of an implicit step, solved exactly by blocks
 dtm                  The paper's scheme: differential transformation in time
-stepping             RODAS4, step control, whole revolutions; any system by ``bind``
+rodas                One step of RODAS4 and its exact derivative
+stepping             Step control, whole revolutions; any system by ``bind``
 """

@@ -10,6 +10,7 @@ import os
 import shutil
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numba
 
@@ -93,8 +94,8 @@ def _drop_damaged(folder: Path) -> None:
 
 
 def choose() -> None:
-    """Point numba to the first usable place: NUMBA_CACHE_DIR, beside the sources, the home, a
-    private temporary folder.
+    """Set numba's cache to the first usable folder: NUMBA_CACHE_DIR, beside the sources, the home, a
+    private temporary one.
     """
     name = _PREFIX + _kernel_hash()
     bases = [_HERE / "__pycache__"]
@@ -115,7 +116,7 @@ def choose() -> None:
     numba.config.CACHE_DIR = str(folder)
 
 
-def is_kept(dispatcher, *arguments) -> bool:
+def is_kept(dispatcher: Any, *arguments: object) -> bool:
     """Whether a kernel need not be compiled for such arguments: it is loaded, or numba's cache has
     it for this processor.
 

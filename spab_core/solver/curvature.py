@@ -16,27 +16,33 @@ def _bent_face(film, work, node, around, x, y, vx, vy, r, i):
     """
     half = span(film.row)
     rows, k = film.rows, r * 2 * half + i
-    re = r + 1 if r + 1 < rows else 0
-    q, dq, a, e, b, f = work.q, work.dq, work.by_gas, work.by_gas2, work.by_gap, work.by_gap2
-    cf, sf = film.cos_face[r], film.sin_face[r]
-    h, vh = 1.0 - node * (x * cf + y * sf), -1.0 * node * (vx * cf + vy * sf)
-    k0, k1 = around * (h * h * h), 3.0 * around * (h * h) * vh
-    jump, djump = (
+    row_east = r + 1 if r + 1 < rows else 0
+    q, q_v = work.q, work.dq
+    by_gas, by_gas2, by_gap, by_gap2 = work.by_gas, work.by_gas2, work.by_gap, work.by_gap2
+    cos, sin = film.cos_face[r], film.sin_face[r]
+    h, h_v = 1.0 - node * (x * cos + y * sin), -1.0 * node * (vx * cos + vy * sin)
+    # what multiplies the difference of Q, and its derivative along v
+    weight, weight_v = around * (h * h * h), 3.0 * around * (h * h) * h_v
+    jump, jump_v = (
         following(q, r, i, rows, film.row) - vload(q, k),
-        following(dq, r, i, rows, film.row) - vload(dq, k),
+        following(q_v, r, i, rows, film.row) - vload(q_v, k),
     )
-    k2 = -3.0 * node * (around * h) * (2.0 * vh * jump + h * djump)
-    east = k1 * following(a, r, i, rows, film.row) + k0 * following(e, r, i, rows, film.row)
-    here = k1 * vload(a, k) + k0 * vload(e, k)
+    tilt = -3.0 * node * (around * h) * (2.0 * h_v * jump + h * jump_v)
+    gas_east = weight_v * following(by_gas, r, i, rows, film.row) + weight * following(
+        by_gas2, r, i, rows, film.row
+    )
+    gas_here = weight_v * vload(by_gas, k) + weight * vload(by_gas2, k)
     # by_gap of the row after the last, whose halves are exchanged, still goes with the cosine of
     # row 0
-    gap_east = k1 * following(b, r, i, rows, film.row) + k0 * following(f, r, i, rows, film.row)
-    gap = k1 * vload(b, k) + k0 * vload(f, k)
+    gap_east = weight_v * following(by_gap, r, i, rows, film.row) + weight * following(
+        by_gap2, r, i, rows, film.row
+    )
+    gap_here = weight_v * vload(by_gap, k) + weight * vload(by_gap2, k)
     return (
-        east,
-        here,
-        k2 * cf + gap_east * film.cos[re] - gap * film.cos[r],
-        k2 * sf + gap_east * film.sin[re] - gap * film.sin[r],
+        gas_east,
+        gas_here,
+        tilt * cos + gap_east * film.cos[row_east] - gap_here * film.cos[r],
+        tilt * sin + gap_east * film.sin[row_east] - gap_here * film.sin[r],
     )
 
 
@@ -46,8 +52,9 @@ def prepare_curvature(system, u, v, work):
     :func:`add_curvature`.
 
     It has the stencil of the Jacobian. With P = S/H and one direction v fixed, dQ[w] = a w + b dH
-    and d²Q[v, w] = e w + f dH at a node, where a = 2P/H, b = -aP, e = 2 (dvP - P dvH/H)/H, f = -Pe
-    - a dvP; a flux k H³ DQ adds k [6 H dvH dwH DQ + 3 H² (dvH D dwQ + dwH D dvQ) + H³ D d²Q]. The
+    and d²Q[v, w] = e w + f dH at a node, where a = 2P/H (``by_gas``), b = -aP (``by_gap``), e =
+    2 (dvP - P dvH/H)/H (``by_gas2``), f = -Pe - a dvP (``by_gap2``); a name with ``_v`` is a
+    derivative along v. A flux k H³ DQ adds k [6 H dvH dwH DQ + 3 H² (dvH D dwQ + dwH D dvQ) + H³ D d²Q]. The
     journal's displacement makes two columns of their own, and the force's part is d²P[v, w] = -(dwH
     dvP + dvH dwP)/H."""
     film, _ = system
@@ -55,39 +62,44 @@ def prepare_curvature(system, u, v, work):
     rows, width = film.rows, 2 * half
     n, size = rows * width, half * width
     x, y, vx, vy = u[n], u[n + 1], v[n], v[n + 1]
-    dq, a, e, b, f = work.dq, work.by_gas, work.by_gas2, work.by_gap, work.by_gap2
+    q_v = work.dq
+    by_gas, by_gas2, by_gap, by_gap2 = work.by_gas, work.by_gas2, work.by_gap, work.by_gap2
     fxx, fxy, fyy = splat(0.0), splat(0.0), splat(0.0)
     for r in range(rows):
         c, s = film.cos[r], film.sin[r]
-        g, vg = x * c + y * s, vx * c + vy * s
+        g, g_v = x * c + y * s, vx * c + vy * s
         for i in range(0, width, WIDTH):
             k = r * width + i
             node, inverse, p = vload(film.node, i), vload(work.y, k), vload(work.p, k)
             turn = node * inverse  # -dH/H of a unit displacement towards the column
-            vp = vload(v, k) * inverse + p * turn * vg
-            second = 2.0 * inverse * (vp + p * turn * vg)
-            vstore(dq, k, (p + p) * vp)
-            vstore(e, k, second)
-            vstore(f, k, (second * p + vload(a, k) * vp) * node)
+            p_v = vload(v, k) * inverse + p * turn * g_v
+            second = 2.0 * inverse * (p_v + p * turn * g_v)
+            vstore(q_v, k, (p + p) * p_v)
+            vstore(by_gas2, k, second)
+            vstore(by_gap2, k, (second * p + vload(by_gas, k) * p_v) * node)
             push = vload(film.weight, i) * turn
-            vstore(work.push, k, push * inverse * vg)
-            push = push * (vp + p * turn * vg)
+            vstore(work.push, k, push * inverse * g_v)
+            push = push * (p_v + p * turn * g_v)
             fxx, fxy, fyy = fxx + push * (c * c), fxy + push * (c * s), fyy + push * (s * s)
         for i in range(0, width, WIDTH):
             k, node = r * width + i, vload(film.flux_node, i)
-            h, vh = 1.0 - node * g, -1.0 * node * vg
+            h, h_v = 1.0 - node * g, -1.0 * node * g_v
             total = (
                 -3.0
                 * node
                 * h
                 * (
-                    2.0 * vh * vload(work.gq, k)
-                    + h * apply(film.gradient, 0, dq, r * width, i, film.row)
+                    2.0 * h_v * vload(work.gq, k)
+                    + h * apply(film.gradient, 0, q_v, r * width, i, film.row)
                 )
             )
-            total = total + 3.0 * (h * h) * vh * apply(film.gradient, 0, b, r * width, i, film.row)
+            total = total + 3.0 * (h * h) * h_v * apply(
+                film.gradient, 0, by_gap, r * width, i, film.row
+            )
             vstore(
-                work.flux, k, total + h * h * h * apply(film.gradient, 0, f, r * width, i, film.row)
+                work.flux,
+                k,
+                total + h * h * h * apply(film.gradient, 0, by_gap2, r * width, i, film.row),
             )
     work.small[20], work.small[21], work.small[22] = vsum(fxx), vsum(fxy), vsum(fyy)
     for i in range(0, width, WIDTH):
@@ -101,24 +113,26 @@ def prepare_curvature(system, u, v, work):
         for r in range(rows):
             k = r * width + i
             c, s = film.cos[r], film.sin[r]
-            g, vg = x * c + y * s, vx * c + vy * s
+            g, g_v = x * c + y * s, vx * c + vy * s
             east, here, east_x, east_y = _bent_face(film, work, node, around, x, y, vx, vy, r, i)
             vstore(work.east, k, east)
             vstore(work.west, k, back)
-            bend = apply(film.divergence, 0, work.flux, r * width, i, film.row) - feed * vload(f, k)
+            bend = apply(film.divergence, 0, work.flux, r * width, i, film.row) - feed * vload(
+                by_gap2, k
+            )
             vstore(work.bend_x, k, bend * c + (east_x - west_x))
             vstore(work.bend_y, k, bend * s + (east_y - west_y))
-            diagonal = here + west + feed * vload(e, k)
+            diagonal = here + west + feed * vload(by_gas2, k)
             for j in range(half):
                 m = j * width + i
                 a0, a1 = vload(film.across, m), vload(film.across, size + m)
                 a2, a3 = vload(film.across, 2 * size + m), vload(film.across, 3 * size + m)
                 straight, slant = (
                     a0 + g * (a1 + g * (a2 + g * a3)),
-                    vg * (a1 + g * (2.0 * a2 + (3.0 * g) * a3)),
+                    g_v * (a1 + g * (2.0 * a2 + (3.0 * g) * a3)),
                 )
-                block = slant * near(a, r * width, j, i, film.row) + straight * near(
-                    e, r * width, j, i, film.row
+                block = slant * near(by_gas, r * width, j, i, film.row) + straight * near(
+                    by_gas2, r * width, j, i, film.row
                 )
                 vstore(work.own, r * size + m, block - diagonal * vload(film.unit, m))
             west, back, west_x, west_y = east, here, east_x, east_y

@@ -27,6 +27,10 @@ _K = DTM_ORDER + 1
 # band, H³ at the flux nodes and at the faces around, flux across; then the same for the tangent
 _S, _P, _Q, _GRADIENT, _CUBE, _AROUND, _FLUX, _ROWS = 0, 1, 2, 3, 4, 5, 6, 7
 
+# columns of the contact's series: e², e, f, A = f/e, m = x·v, B = damping f m / e², x and y of the
+# force, 1/e, A/e
+_E2, _E, _NORMAL, _SPRING, _RADIAL, _DAMPING, _FX, _FY, _INVERSE, _PER_E2 = range(10)
+
 
 def build_series(film: Film) -> np.ndarray:
     """Memory for the transforms, shape (2 * 7 * (order + 1), size of the film)."""
@@ -34,12 +38,64 @@ def build_series(film: Film) -> np.ndarray:
     return aligned_zeros(rows * size).reshape(rows, size)
 
 
+@inner
+def _product_order(c, first, second, k, part):
+    """Order k of the product of two columns of ``c``; ``part`` 1: of its tangent."""
+    total = 0.0
+    for l in range(k + 1):
+        if part == 0:
+            total += c[l, first] * c[k - l, second]
+        else:
+            total += c[l, first] * c[_K + k - l, second] + c[_K + l, first] * c[k - l, second]
+    return total
+
+
+@kernel
+def _eccentricity_order(rotor, c, k, dual):
+    """Order k of e from e e = e², of 1/e from e (1/e) = 1 and of f from f' = f e'/s, with s the
+    roughness.
+    """
+    if k == 0:
+        e = math.sqrt(c[0, _E2])
+        c[0, _E], c[0, _INVERSE] = e, 1.0 / e
+        c[0, _NORMAL] = rotor.contact_force * math.exp((e - 1.0) / rotor.roughness)
+        if dual:
+            c[_K, _E] = 0.5 * c[_K, _E2] / e
+            c[_K, _INVERSE] = -c[_K, _E] / (e * e)
+            c[_K, _NORMAL] = c[0, _NORMAL] * c[_K, _E] / rotor.roughness
+    else:
+        e0 = c[0, _E]
+        rest = c[k, _E2]
+        inverse = normal = 0.0
+        for l in range(1, k):
+            rest -= c[l, _E] * c[k - l, _E]
+        c[k, _E] = 0.5 * rest / e0
+        for l in range(1, k + 1):
+            inverse -= c[l, _E] * c[k - l, _INVERSE]
+            normal += l * c[l, _E] * c[k - l, _NORMAL]
+        c[k, _INVERSE], c[k, _NORMAL] = inverse / e0, normal / (k * rotor.roughness)
+        if dual:
+            rest = c[_K + k, _E2]
+            for l in range(k):
+                rest -= 2.0 * c[_K + l, _E] * c[k - l, _E]
+            c[_K + k, _E] = 0.5 * rest / e0
+            inverse = -c[_K, _E] * c[k, _INVERSE]
+            for l in range(1, k + 1):
+                inverse -= c[l, _E] * c[_K + k - l, _INVERSE] + c[_K + l, _E] * c[k - l, _INVERSE]
+            c[_K + k, _INVERSE] = inverse / e0
+            normal = 0.0
+            for l in range(1, k + 1):
+                normal += l * (
+                    c[_K + l, _E] * c[k - l, _NORMAL] + c[l, _E] * c[_K + k - l, _NORMAL]
+                )
+            c[_K + k, _NORMAL] = normal / (k * rotor.roughness)
+
+
 @kernel
 def _contact_series(rotor, r, d, k, c, dual):
     """Order k of the contact force from orders 0..k of the rotor state ``r`` and its tangent ``d``.
 
-    Columns of ``c``: e², e, f, A = f/e, m = x·v, B = damping f m / e², x, y of the force, 1/e;
-    ``c[_K:]`` the tangent's."""
+    Columns of ``c`` by :data:`_E2` to :data:`_PER_E2`; rows from ``_K`` on are the tangent's."""
     for part in range(2 if dual else 1):
         o = part * _K + k
         s = m = 0.0
@@ -51,90 +107,39 @@ def _contact_series(rotor, r, d, k, c, dual):
                 else:
                     s += 2.0 * r[l, i] * d[k - l, i]
                     m += r[l, i] * d[k - l, 4 + i] + d[l, i] * r[k - l, 4 + i]
-        c[o, 0], c[o, 4] = s, m
-    if c[0, 0] < CENTRE**2 or (c[0, 0] < 1.0 and 1.0 - math.sqrt(c[0, 0]) > 40.0 * rotor.roughness):
+        c[o, _E2], c[o, _RADIAL] = s, m
+    if c[0, _E2] < CENTRE**2 or (
+        c[0, _E2] < 1.0 and 1.0 - math.sqrt(c[0, _E2]) > 40.0 * rotor.roughness
+    ):
         for part in range(2 if dual else 1):
-            c[part * _K + k, 6] = c[part * _K + k, 7] = 0.0
+            c[part * _K + k, _FX] = c[part * _K + k, _FY] = 0.0
         return
-    # e from e e = e², i = 1/e from i e = 1, f from f' = f e'/s
-    if k == 0:
-        e = math.sqrt(c[0, 0])
-        c[0, 1], c[0, 8] = e, 1.0 / e
-        c[0, 2] = rotor.contact_force * math.exp((e - 1.0) / rotor.roughness)
-        if dual:
-            c[_K, 1] = 0.5 * c[_K, 0] / e
-            c[_K, 8] = -c[_K, 1] / (e * e)
-            c[_K, 2] = c[0, 2] * c[_K, 1] / rotor.roughness
-    else:
-        e0 = c[0, 1]
-        s = c[k, 0]
-        inverse = f = 0.0
-        for l in range(1, k):
-            s -= c[l, 1] * c[k - l, 1]
-        c[k, 1] = 0.5 * s / e0
-        for l in range(1, k + 1):
-            inverse -= c[l, 1] * c[k - l, 8]
-            f += l * c[l, 1] * c[k - l, 2]
-        c[k, 8], c[k, 2] = inverse / e0, f / (k * rotor.roughness)
-        if dual:
-            s = c[_K + k, 0]
-            for l in range(k):
-                s -= 2.0 * c[_K + l, 1] * c[k - l, 1]
-            c[_K + k, 1] = 0.5 * s / e0
-            inverse = -c[_K, 1] * c[k, 8]
-            for l in range(1, k + 1):
-                inverse -= c[l, 1] * c[_K + k - l, 8] + c[_K + l, 1] * c[k - l, 8]
-            c[_K + k, 8] = inverse / e0
-            f = 0.0
-            for l in range(1, k + 1):
-                f += l * (c[_K + l, 1] * c[k - l, 2] + c[l, 1] * c[_K + k - l, 2])
-            c[_K + k, 2] = f / (k * rotor.roughness)
+    _eccentricity_order(rotor, c, k, dual)
     for part in range(2 if dual else 1):
         o = part * _K
-        a = 0.0
-        for l in range(k + 1):
-            a += (
-                c[l, 2] * c[k - l, 8]
-                if part == 0
-                else c[l, 2] * c[_K + k - l, 8] + c[_K + l, 2] * c[k - l, 8]
-            )
-        c[o + k, 3] = a
-        p = 0.0
-        for l in range(k + 1):
-            p += (
-                c[l, 3] * c[k - l, 8]
-                if part == 0
-                else c[l, 3] * c[_K + k - l, 8] + c[_K + l, 3] * c[k - l, 8]
-            )
-        c[o + k, 9] = p
-        b = 0.0
-        for l in range(k + 1):
-            b += (
-                c[l, 9] * c[k - l, 4]
-                if part == 0
-                else c[l, 9] * c[_K + k - l, 4] + c[_K + l, 9] * c[k - l, 4]
-            )
-        c[o + k, 5] = rotor.damping * b
+        c[o + k, _SPRING] = _product_order(c, _NORMAL, _INVERSE, k, part)
+        c[o + k, _PER_E2] = _product_order(c, _SPRING, _INVERSE, k, part)
+        c[o + k, _DAMPING] = rotor.damping * _product_order(c, _PER_E2, _RADIAL, k, part)
         fx = fy = 0.0
         mu = rotor.friction
         for l in range(k + 1):
             if part == 0:
-                n = c[l, 3] + c[l, 5]
-                fx += -n * r[k - l, 0] + mu * c[l, 3] * r[k - l, 1]
-                fy += -n * r[k - l, 1] - mu * c[l, 3] * r[k - l, 0]
+                n = c[l, _SPRING] + c[l, _DAMPING]
+                fx += -n * r[k - l, 0] + mu * c[l, _SPRING] * r[k - l, 1]
+                fy += -n * r[k - l, 1] - mu * c[l, _SPRING] * r[k - l, 0]
             else:
-                n, dn = c[l, 3] + c[l, 5], c[_K + l, 3] + c[_K + l, 5]
+                n, dn = c[l, _SPRING] + c[l, _DAMPING], c[_K + l, _SPRING] + c[_K + l, _DAMPING]
                 fx += (
                     -dn * r[k - l, 0]
                     - n * d[k - l, 0]
-                    + mu * (c[_K + l, 3] * r[k - l, 1] + c[l, 3] * d[k - l, 1])
+                    + mu * (c[_K + l, _SPRING] * r[k - l, 1] + c[l, _SPRING] * d[k - l, 1])
                 )
                 fy += (
                     -dn * r[k - l, 1]
                     - n * d[k - l, 1]
-                    - mu * (c[_K + l, 3] * r[k - l, 0] + c[l, 3] * d[k - l, 0])
+                    - mu * (c[_K + l, _SPRING] * r[k - l, 0] + c[l, _SPRING] * d[k - l, 0])
                 )
-        c[o + k, 6], c[o + k, 7] = fx, fy
+        c[o + k, _FX], c[o + k, _FY] = fx, fy
 
 
 @inner
@@ -280,20 +285,19 @@ def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
     n = film.rows * 2 * span(film.row)
     if not u[n] * u[n] + u[n + 1] * u[n + 1] < 1.0:
         return math.inf
-    z = series
-    new, new_v, last_term = stages[12], stages[13], stages[5]
+    new, new_v, last_term = stages.new, stages.new_tangent, stages.state[5]
     tangent = _ROWS * _K
-    r, d = np.zeros((_K + 1, 8)), np.zeros((_K + 1, 8))
-    c = np.zeros((2 * _K, 10))
-    g, gf = np.zeros((2 * _K, film.rows)), np.zeros((2 * _K, film.rows))
+    rotor_u, rotor_v = np.zeros((_K + 1, 8)), np.zeros((_K + 1, 8))
+    contact = np.zeros((2 * _K, 10))
+    shift, shift_face = np.zeros((2 * _K, film.rows)), np.zeros((2 * _K, film.rows))
     for k in range(0, n, WIDTH):
-        vstore(z[_S * _K], k, vload(u, k))
-        vstore(z[tangent + _S * _K], k, vload(v, k))
+        vstore(series[_S * _K], k, vload(u, k))
+        vstore(series[tangent + _S * _K], k, vload(v, k))
     for i in range(8):
-        r[0, i], d[0, i] = u[n + i], v[n + i]
-    ramp0 = min(t / rotor.ramp, 1.0) if rotor.ramp > 0.0 else 1.0
-    ramp1 = 1.0 / rotor.ramp if rotor.ramp > 0.0 and t < rotor.ramp else 0.0
-    ck, sk, ck_before, sk_before = (
+        rotor_u[0, i], rotor_v[0, i] = u[n + i], v[n + i]
+    ramp = min(t / rotor.ramp, 1.0) if rotor.ramp > 0.0 else 1.0
+    ramp_rate = 1.0 / rotor.ramp if rotor.ramp > 0.0 and t < rotor.ramp else 0.0
+    cos_k, sin_k, cos_before, sin_before = (
         math.cos(t),
         math.sin(t),
         0.0,
@@ -301,66 +305,73 @@ def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
     )  # orders of cos and sin of tau
     for k in range(DTM_ORDER):
         for j in range(film.rows):
-            g[k, j] = r[k, 0] * film.cos[j] + r[k, 1] * film.sin[j]
-            gf[k, j] = r[k, 0] * film.cos_face[j] + r[k, 1] * film.sin_face[j]
-            g[_K + k, j] = d[k, 0] * film.cos[j] + d[k, 1] * film.sin[j]
-            gf[_K + k, j] = d[k, 0] * film.cos_face[j] + d[k, 1] * film.sin_face[j]
-        fx, fy, dfx, dfy = _pressure_order(film, z, g, k, with_tangent)
-        _cube_order(film, z, film.flux_node, g, _CUBE, k, with_tangent)
-        _cube_order(film, z, film.node, gf, _AROUND, k, with_tangent)
-        _gas_order(film, z, k, 0)
+            shift[k, j] = rotor_u[k, 0] * film.cos[j] + rotor_u[k, 1] * film.sin[j]
+            shift_face[k, j] = rotor_u[k, 0] * film.cos_face[j] + rotor_u[k, 1] * film.sin_face[j]
+            shift[_K + k, j] = rotor_v[k, 0] * film.cos[j] + rotor_v[k, 1] * film.sin[j]
+            shift_face[_K + k, j] = (
+                rotor_v[k, 0] * film.cos_face[j] + rotor_v[k, 1] * film.sin_face[j]
+            )
+        fx, fy, dfx, dfy = _pressure_order(film, series, shift, k, with_tangent)
+        _cube_order(film, series, film.flux_node, shift, _CUBE, k, with_tangent)
+        _cube_order(film, series, film.node, shift_face, _AROUND, k, with_tangent)
+        _gas_order(film, series, k, 0)
         if with_tangent:
-            _gas_order(film, z, k, 1)
-        _contact_series(rotor, r, d, k, c, with_tangent)
-        cos_load, sin_load = ramp0 * ck + ramp1 * ck_before, ramp0 * sk + ramp1 * sk_before
-        down = ramp0 if k == 0 else (ramp1 if k == 1 else 0.0)
+            _gas_order(film, series, k, 1)
+        _contact_series(rotor, rotor_u, rotor_v, k, contact, with_tangent)
+        cos_load, sin_load = (
+            ramp * cos_k + ramp_rate * cos_before,
+            ramp * sin_k + ramp_rate * sin_before,
+        )
+        down = ramp if k == 0 else (ramp_rate if k == 1 else 0.0)
         for part in range(2 if with_tangent else 1):
-            a = r if part == 0 else d
-            on = 1.0 if part == 0 else 0.0
+            order = rotor_u if part == 0 else rotor_v
+            forced = 1.0 if part == 0 else 0.0
             px, py = (fx, fy) if part == 0 else (dfx, dfy)
-            px, py = px + c[part * _K + k, 6], py + c[part * _K + k, 7]
-            dx, dy = a[k, 2] - a[k, 0], a[k, 3] - a[k, 1]
-            s = 1.0 / (k + 1)
+            px, py = px + contact[part * _K + k, _FX], py + contact[part * _K + k, _FY]
+            dx, dy = order[k, 2] - order[k, 0], order[k, 3] - order[k, 1]
+            share = 1.0 / (k + 1)
             for i in range(4):
-                a[k + 1, i] = s * a[k, 4 + i]
-            a[k + 1, 4] = s * (
+                order[k + 1, i] = share * order[k, 4 + i]
+            order[k + 1, 4] = share * (
                 rotor.coupling_journal * dx
                 + rotor.inverse_mass * px
-                + on * rotor.unbalance_journal * cos_load
+                + forced * rotor.unbalance_journal * cos_load
             )
-            a[k + 1, 5] = s * (
+            order[k + 1, 5] = share * (
                 rotor.coupling_journal * dy
                 + rotor.inverse_mass * py
-                + on * (rotor.unbalance_journal * sin_load - down * rotor.gravity_journal)
+                + forced * (rotor.unbalance_journal * sin_load - down * rotor.gravity_journal)
             )
-            a[k + 1, 6] = s * (-rotor.coupling_disc * dx + on * rotor.unbalance_disc * cos_load)
-            a[k + 1, 7] = s * (
+            order[k + 1, 6] = share * (
+                -rotor.coupling_disc * dx + forced * rotor.unbalance_disc * cos_load
+            )
+            order[k + 1, 7] = share * (
                 -rotor.coupling_disc * dy
-                + on * (rotor.unbalance_disc * sin_load - down * rotor.gravity_disc)
+                + forced * (rotor.unbalance_disc * sin_load - down * rotor.gravity_disc)
             )
-        ck_before, sk_before = ck, sk
-        ck, sk = -sk_before / (k + 1), ck_before / (k + 1)
+        cos_before, sin_before = cos_k, sin_k
+        cos_k, sin_k = -sin_before / (k + 1), cos_before / (k + 1)
     power = h**DTM_ORDER
     size, last_size = splat(0.0), splat(0.0)
     for i in range(0, n, WIDTH):
         total, dtotal = splat(0.0), splat(0.0)
         for k in range(DTM_ORDER, -1, -1):
-            total = total * h + vload(z[_S * _K + k], i)
-            dtotal = dtotal * h + vload(z[tangent + _S * _K + k], i)
+            total = total * h + vload(series[_S * _K + k], i)
+            dtotal = dtotal * h + vload(series[tangent + _S * _K + k], i)
         vstore(new, i, total)
         vstore(new_v, i, dtotal)
-        vstore(last_term, i, vload(z[_S * _K + DTM_ORDER], i) * power)
-        dlast = vload(z[tangent + _S * _K + DTM_ORDER], i) * power
+        vstore(last_term, i, vload(series[_S * _K + DTM_ORDER], i) * power)
+        dlast = vload(series[tangent + _S * _K + DTM_ORDER], i) * power
         size, last_size = size + dtotal * dtotal, last_size + dlast * dlast
     tangent_size, tangent_last = vsum(size), vsum(last_size)
     for i in range(8):
         total = dtotal = 0.0
         for k in range(DTM_ORDER, -1, -1):
-            total, dtotal = total * h + r[k, i], dtotal * h + d[k, i]
-        new[n + i], new_v[n + i], last_term[n + i] = total, dtotal, r[DTM_ORDER, i] * power
+            total, dtotal = total * h + rotor_u[k, i], dtotal * h + rotor_v[k, i]
+        new[n + i], new_v[n + i], last_term[n + i] = total, dtotal, rotor_u[DTM_ORDER, i] * power
         tangent_size, tangent_last = (
             tangent_size + dtotal * dtotal,
-            tangent_last + (d[DTM_ORDER, i] * power) ** 2,
+            tangent_last + (rotor_v[DTM_ORDER, i] * power) ** 2,
         )
     error = error_norm(system, work, new, last_term)
     # an explicit step too long for stiffness shows in the tangent long before it shows in the state

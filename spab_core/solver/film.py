@@ -38,7 +38,7 @@ class Mesh(NamedTuple):
     latitude: int
     azimuth: int
 
-    def __str__(self):
+    def __str__(self) -> str:
         return f"{self.latitude}x{self.azimuth}"
 
 
@@ -140,9 +140,9 @@ class Film(NamedTuple):
     area: np.ndarray
 
     @property
-    def half(self) -> int:
-        """The padded M."""
-        return span(self.row)
+    def padded_latitudes(self) -> int:
+        """Places for latitudes in a column of the state: M or more."""
+        return int(span(self.row))
 
 
 @functools.cache
@@ -223,17 +223,17 @@ def build_film(
     divergence = divergence / (edge * cosine[:, None])
     if scheme == "fitted":
         # sin(dt) for dt and 2 - 2 cos(dt) for dt² make cos(t) and sin(t) exact
-        span, span2 = math.sin(dt), 2.0 * (1.0 - math.cos(dt))
+        step, step2 = math.sin(dt), 2.0 * (1.0 - math.cos(dt))
     else:
-        span, span2 = dt, dt**2
+        step, step2 = dt, dt**2
 
-    def vector(values, signed=False):
+    def vector(values: np.ndarray | float, signed: bool = False) -> np.ndarray:
         out = aligned_zeros(width)
         out[:m] = values
         out[half : half + m] = -np.asarray(values) if signed else values
         return out
 
-    def matrix(values, signed=False):
+    def matrix(values: np.ndarray, signed: bool = False) -> np.ndarray:
         out = aligned_zeros(half * width)
         columns = out.reshape(half, width)
         columns[:m, :m] = values.T
@@ -258,8 +258,8 @@ def build_film(
         gradient=matrix(gradient),
         divergence=matrix(divergence),
         across=across,
-        flux_around=vector(scale / (cosine**2 * span2)),
-        couette=vector(0.25 / span),
+        flux_around=vector(scale / (cosine**2 * step2)),
+        couette=vector(0.25 / step),
         feed=vector(design.feeding_number / (2.0 * bearing_number)),
         weight=vector(2.0 * dt * edge * weight * cosine**2, signed=True),
         cos=np.cos(theta),
@@ -275,13 +275,15 @@ def build_film(
 
 def film_size(film: Film) -> int:
     """Number of film entries in the state vector, padding included."""
-    return film.rows * 2 * film.half
+    return film.rows * 2 * film.padded_latitudes
 
 
 def film_index(film: Film) -> np.ndarray:
     """Positions in the state vector of S[azimuth, latitude], shape (N, M)."""
-    places = np.arange(film_size(film)).reshape(film.rows, 2, film.half)
-    return places.transpose(1, 0, 2).reshape(film.columns, film.half)[:, : film.latitudes]
+    places = np.arange(film_size(film)).reshape(film.rows, 2, film.padded_latitudes)
+    return places.transpose(1, 0, 2).reshape(film.columns, film.padded_latitudes)[
+        :, : film.latitudes
+    ]
 
 
 def film_array(film: Film, state: np.ndarray) -> np.ndarray:
@@ -304,7 +306,9 @@ def _geometry(film: Film) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarra
 
 def _small(film: Film, matrix: np.ndarray) -> np.ndarray:
     """A matrix over latitudes without padding, (M, M)."""
-    return matrix.reshape(film.half, 2 * film.half)[: film.latitudes, : film.latitudes].T
+    return matrix.reshape(film.padded_latitudes, 2 * film.padded_latitudes)[
+        : film.latitudes, : film.latitudes
+    ].T
 
 
 def thickness(film: Film, x: float, y: float) -> np.ndarray:

@@ -6,6 +6,7 @@ journal alone; the disc entries of its state then stay zero and mean nothing."""
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from spab_core.design.model import Design
@@ -48,6 +49,11 @@ class RotorCoefficients(NamedTuple):
     friction: float
     damping: float
     ramp: float
+
+    @property
+    def rigid(self) -> bool:
+        """Whether the disc is the journal."""
+        return self.coupling_disc == 0.0
 
 
 def build_rotor(
@@ -119,7 +125,9 @@ def contact_force(
     return -normal * nx + rotor.friction * f * ny, -normal * ny - rotor.friction * f * nx
 
 
-def rotor_slope(rotor: RotorCoefficients, tau: float, q, force) -> list[float]:
+def rotor_slope(
+    rotor: RotorCoefficients, tau: float, q: Sequence[float], force: tuple[float, float]
+) -> list[float]:
     """d/dtau of the eight rotor states, the readable formula.
 
     Parameters

@@ -315,7 +315,7 @@ def vsum(typingctx, value):
     return types.float64(value), codegen
 
 
-def aligned_zeros(n):
+def aligned_zeros(n: int) -> np.ndarray:
     """A float64 array of ``n`` zeros that starts on a cache line (64 bytes), so that vectors do not
     straddle two.
     """

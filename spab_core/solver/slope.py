@@ -1,7 +1,8 @@
 """Compiled kernels of the film and rotor equations: slope, tangent slope, curvature, and the linear
 solver of a step.
 
-Each computes a readable formula named in its docstring. ``system`` is (Film, RotorCoefficients); a
+Each computes a readable formula named in its docstring. ``system`` is a
+:class:`~spab_core.solver.system.System`; a
 state is the flat vector [S by rows of two opposite columns, padded
 (:class:`spab_core.solver.film.Film`); 8 rotor states]. The integrator
 (:mod:`spab_core.solver.stepping`) knows a system only through ``slope``, ``slope_tangent``,
@@ -16,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from spab_core.solver.film import Film, film_index, film_size
-from spab_core.solver.rotor import CENTRE, ROTOR_STATES, RotorCoefficients
+from spab_core.solver.film import Film, film_size
+from spab_core.solver.rotor import CENTRE, ROTOR_STATES
 from spab_core.solver.row_ops import apply, following, opposite, preceding, span, turned
 from spab_core.solver.simd import (
     WIDTH,
@@ -31,6 +32,7 @@ from spab_core.solver.simd import (
     vstore,
     vsum,
 )
+from spab_core.solver.system import System
 
 
 class Work(NamedTuple):
@@ -76,14 +78,14 @@ class Work(NamedTuple):
 
 def build_work(film: Film) -> Work:
     """Allocate the scratch memory of one trajectory."""
-    n, blocks = film_size(film), film_size(film) * film.half
+    n, blocks = film_size(film), film_size(film) * film.padded_latitudes
     sizes = {
         "own": blocks,
         "inverse": blocks,
         "fill": 2 * blocks,
-        "separator": (2 * film.half) ** 2,
+        "separator": (2 * film.padded_latitudes) ** 2,
         "border": 2 * (n + ROTOR_STATES),
-        "scratch": 8 * film.half,
+        "scratch": 8 * film.padded_latitudes,
         "small": 32,
     }
     return Work(*(aligned_zeros(sizes.get(name, n)) for name in Work._fields))
@@ -363,18 +365,8 @@ def error_norm(system, work, new, error):
     return worst
 
 
-def unknown_places(film: Film, rigid: bool) -> np.ndarray:
-    """Positions in the state vector that really are unknowns: no padded cells, no disc for a rigid
-    rotor.
-    """
-    n = film_size(film)
-    return np.concatenate(
-        [film_index(film).ravel(), n + np.array([0, 1, 4, 5] if rigid else range(ROTOR_STATES))]
-    )
-
-
 def slope_and_jacobian(
-    film: Film, rotor: RotorCoefficients, state: np.ndarray, columns: np.ndarray
+    system: System, state: np.ndarray, columns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Slope and its derivative with respect to the states at ``columns``, by the compiled tangent.
 
@@ -390,7 +382,7 @@ def slope_and_jacobian(
     """
     n = len(state)
     out, transposed = np.zeros(n), np.empty((len(columns), n))
-    if not fill_jacobian((film, rotor), state, columns, build_work(film), out, transposed):
+    if not fill_jacobian(system, state, columns, build_work(system.film), out, transposed):
         raise ValueError("the journal is outside the clearance")
     return out, transposed.T
 

@@ -5,9 +5,7 @@
 code that runs the rotor). Two methods:
 
 ``rodas``
-    RODAS4 (Hairer and Wanner, Solving ODEs II, section VI.4): Rosenbrock, order 4(3), six stages,
-    L-stable and stiffly accurate, with the exact Jacobian. The tangent is the exact derivative of
-    the step, second derivative of the slope included. The step follows the embedded error estimate.
+    RODAS4 (:mod:`spab_core.solver.rodas`), implicit. The step follows the embedded error estimate.
 ``dtm``
     The paper's differential transformation: Taylor recurrences of high order in time
     (:mod:`spab_core.solver.dtm`), explicit.
@@ -24,13 +22,12 @@ import numpy as np
 from numba import njit
 from numba.extending import overload
 
-from spab_core.solver.curvature import add_curvature, prepare_curvature
 from spab_core.solver.dtm import DTM_ORDER, build_series, dtm_step
 from spab_core.solver.film import Film, film_index, film_size
-from spab_core.solver.linear_solve import linearise, solve
+from spab_core.solver.rodas import DEFAULT_TOLERANCE, Stages, build_stages, rodas_step
 from spab_core.solver.rotor import ROTOR_STATES
-from spab_core.solver.simd import WIDTH, aligned_zeros, inner, kernel, splat, vload, vstore, vsum
-from spab_core.solver.slope import Work, build_work, error_norm, slope, slope_tangent, time_slope
+from spab_core.solver.simd import WIDTH, aligned_zeros, inlined, kernel, splat, vload, vstore, vsum
+from spab_core.solver.slope import Work, build_work
 
 METHODS = ("rodas", "dtm")
 REVOLUTION = 2.0 * math.pi
@@ -48,46 +45,9 @@ STATUS_TEXT = {
     "than the shaft turns; method rodas takes the fewest",
 }
 
-DEFAULT_TOLERANCE = 1.5e-3
-TANGENT_SLACK = 10.0  # how much larger than the state's the error of the unit tangent may be
-TANGENT_STEP = (
-    REVOLUTION / 80.0
-)  # at the default tolerance the tangent alone asks for no shorter steps: modes that need them
-# die within a fraction of a revolution
 MAX_STEP = REVOLUTION / 8.0
 _MIN_STEP = 1e-10
 _SUBSAMPLES = 4  # of a step, for contact share and largest eccentricity
-
-# RODAS4 in the form of Hairer and Wanner's code: gamma, a_ij, gamma c_ij, alpha_i, gamma_i
-_GAMMA = 0.25
-_A = np.array(
-    [
-        [0, 0, 0, 0, 0],
-        [1.544, 0, 0, 0, 0],
-        [0.9466785280815826, 0.2557011698983284, 0, 0, 0],
-        [3.314825187068521, 2.896124015972201, 0.9986419139977817, 0, 0],
-        [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 0],
-    ]
-)
-_ONE = np.ones(1)  # a_6j = a_5j and a_65 = 1: the sixth stage starts where the fifth ends
-_C = _GAMMA * np.array(
-    [
-        [0, 0, 0, 0, 0],
-        [-5.6688, 0, 0, 0, 0],
-        [-2.430093356833875, -0.2063599157091915, 0, 0, 0],
-        [-0.1073529058151375, -9.594562251023355, -20.47028614809616, 0, 0],
-        [7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160, 0],
-        [
-            8.083246795921522,
-            -7.981132988064893,
-            -31.52159432874371,
-            16.31930543123136,
-            -6.058818238834054,
-        ],
-    ]
-)
-_ALPHA = np.array([0.0, 0.386, 0.21, 0.63, 1.0, 1.0])
-_GAMMA_I = np.array([0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0])
 
 
 class Options(NamedTuple):
@@ -96,7 +56,7 @@ class Options(NamedTuple):
     Attributes
     ----------
     tolerance : float
-        Largest error estimate of a step (``kernels.error_norm``), unless ``fixed``.
+        Largest error estimate of a step (``slope.error_norm``), unless ``fixed``.
     max_step : float
         Largest step in tau; the step itself where ``fixed``.
     fixed : bool
@@ -156,15 +116,20 @@ def build_record(revolutions: int, samples: int, tangent_size: int = 0) -> Recor
     )
 
 
+# places of Memory.control: step to try next (0: seek it), steps taken, those of them rejected, last
+# accepted step (0: none) and its error over the tolerance
+NEXT_STEP, STEPS, REJECTED, LAST_STEP, LAST_ERROR = range(5)
+
+
 class Memory(NamedTuple):
-    """State, tangent and scratch of one trajectory; ``control`` is [next step, steps, rejected,
-    last step, its error].
+    """State, tangent and scratch of one trajectory.
 
     ``series`` is None for ``rodas``: its type tells the compiler which of the methods to compile.
+    ``control`` is what the step control carries on, by :data:`NEXT_STEP` to :data:`LAST_ERROR`.
     """
 
     work: Work
-    stages: np.ndarray
+    stages: Stages
     series: np.ndarray | None
     state: np.ndarray
     tangent: np.ndarray
@@ -185,10 +150,9 @@ def build_memory(film: Film, method: str = "rodas") -> Memory:
     tangent[places] = np.random.default_rng(0).standard_normal(places.shape) / math.sqrt(n)
     tangent[n], tangent[n + 1], tangent[n + 4], tangent[n + 5] = 0.5, 0.3, 0.4, -0.2
     tangent /= np.linalg.norm(tangent)
-    stages = aligned_zeros(20 * size).reshape(20, size)
     return Memory(
         build_work(film),
-        stages,
+        build_stages(size),
         build_series(film) if method == "dtm" else None,
         state,
         tangent,
@@ -196,91 +160,9 @@ def build_memory(film: Film, method: str = "rodas") -> Memory:
     )
 
 
-@inner
-def _sum_of(scale, base, share, extra, stages, first, count, weights, out):
-    """The sum of :func:`_weighted_sum` over ``count`` stages, a constant that lets the compiler
-    unroll it.
-    """
-    size = out.size
-    for k in range(0, size, WIDTH):
-        total = vload(base, k) * scale
-        if share != 0.0:
-            total = total + vload(extra, k) * share
-        for j in range(count):
-            total = total + vload(stages, (first + j) * size + k) * weights[j]
-        vstore(out, k, total)
-
-
-@inner
-def _weighted_sum(scale, base, share, extra, stages, first, count, weights, out):
-    """out = scale base + share extra + sum over j < count of weights[j] stages[first + j];
-    ``stages`` is flat.
-    """
-    if count == 0:
-        _sum_of(scale, base, share, extra, stages, first, 0, weights, out)
-    elif count == 1:
-        _sum_of(scale, base, share, extra, stages, first, 1, weights, out)
-    elif count == 2:
-        _sum_of(scale, base, share, extra, stages, first, 2, weights, out)
-    elif count == 3:
-        _sum_of(scale, base, share, extra, stages, first, 3, weights, out)
-    elif count == 4:
-        _sum_of(scale, base, share, extra, stages, first, 4, weights, out)
-    else:
-        _sum_of(scale, base, share, extra, stages, first, 5, weights, out)
-
-
-@kernel
-def rodas_step(system, work, stages, t, h, u, v, with_tangent):
-    """One RODAS4 step of state and tangent.
-
-    Returns the error norm (inf: invalid); the new state is stages[12], the new tangent stages[13].
-    """
-    new, new_v, du, dv, rate = stages[12], stages[13], stages[14], stages[15], stages[16]
-    if not linearise(system, _GAMMA * h, u, work):
-        return math.inf
-    time_slope(system, t, rate)
-    if with_tangent:
-        prepare_curvature(system, u, v, work)
-    flat = stages.reshape(-1)
-    for i in range(6):
-        if i < 5:
-            _weighted_sum(1.0, u, 0.0, u, flat, 0, i, _A[i], new)
-        else:
-            _weighted_sum(1.0, new, 0.0, new, flat, 4, 1, _ONE, new)
-        if with_tangent:
-            if i < 5:
-                _weighted_sum(1.0, v, 0.0, v, flat, 6, i, _A[i], new_v)
-            else:
-                _weighted_sum(1.0, new_v, 0.0, new_v, flat, 10, 1, _ONE, new_v)
-            inside = slope_tangent(system, t + _ALPHA[i] * h, new, new_v, work, du, dv)
-        else:
-            inside = slope(system, t + _ALPHA[i] * h, new, work, du)
-        if not inside:
-            return math.inf
-        _weighted_sum(
-            _GAMMA * h, du, _GAMMA * h * h * _GAMMA_I[i], rate, flat, 0, i, _C[i], stages[i]
-        )
-        for part in range(2 if with_tangent else 1):
-            if part == 1:
-                _weighted_sum(_GAMMA * h, dv, 0.0, rate, flat, 6, i, _C[i], stages[6 + i])
-                add_curvature(system, u, v, stages[i], _GAMMA * h, work, stages[6 + i])
-            solve(system, work, stages[6 * part + i])
-    size, wrong = splat(0.0), splat(0.0)
-    for k in range(0, new.size, WIDTH):
-        vstore(new, k, vload(new, k) + vload(stages[5], k))
-        if with_tangent:
-            error_v = vload(stages[11], k)
-            total = vload(new_v, k) + error_v
-            vstore(new_v, k, total)
-            size, wrong = size + total * total, wrong + error_v * error_v
-    error = error_norm(system, work, new, stages[5])
-    if (
-        with_tangent
-    ):  # a light, fast mode that the orbit does not excite must not be damped by long steps
-        worth = 0.6 * DEFAULT_TOLERANCE * (h / TANGENT_STEP) ** 4
-        error = max(error, min(math.sqrt(vsum(wrong) / vsum(size)) / TANGENT_SLACK, worth))
-    return error
+def seek_step(memory: Memory) -> None:
+    """Have the next step sought anew, after a change of the state or of what steps must follow."""
+    memory.control[NEXT_STEP] = memory.control[LAST_STEP] = 0.0
 
 
 def take_step(system, memory, t, h, with_tangent):
@@ -357,14 +239,39 @@ def sample(u, new, t, h, start, spacing, row, record):
         k += 1
 
 
+@inlined
+def _step_factor(control, h, size, exponent):
+    """By how much to change the step h after an error of ``size`` tolerances."""
+    if not math.isfinite(size):
+        return 0.25
+    factor = 0.9 * max(size, 1e-12) ** exponent
+    if size <= 1.0 and control[LAST_STEP] > 0.0 and size > 1e-3:
+        # Gustafsson's predictive control: where errors grow from step to step, shrink ahead of them
+        ahead = factor * h / control[LAST_STEP] * (size / control[LAST_ERROR]) ** exponent
+        factor = min(factor, ahead)
+    return min(4.0, max(0.2, factor))
+
+
+@inlined
+def _renormalise(new, out):
+    """Copy a tangent at unit length to ``out``; return the length it had."""
+    total = splat(0.0)
+    for k in range(0, out.size, WIDTH):
+        total = total + vload(new, k) * vload(new, k)
+    norm = math.sqrt(vsum(total))
+    for k in range(0, out.size, WIDTH):
+        vstore(out, k, vload(new, k) * (1.0 / norm))
+    return norm
+
+
 @kernel
 def advance(system, memory, options, first, revolutions, record):
     """Integrate whole revolutions from the state and tangent in ``memory``, in place.
 
     Parameters
     ----------
-    system : tuple
-        (Film, RotorCoefficients), or what a bound system takes.
+    system : System
+        Or what a bound system takes.
     memory : Memory
     options : Options
     first : int
@@ -378,8 +285,8 @@ def advance(system, memory, options, first, revolutions, record):
     status, done : int
         Index into :data:`STATUS` and the number of complete revolutions.
     """
-    u, v, stages, control = memory.state, memory.tangent, memory.stages, memory.control
-    new, new_v = stages[12], stages[13]
+    u, v, control = memory.state, memory.tangent, memory.control
+    new, new_v = memory.stages.new, memory.stages.new_tangent
     samples = record.path.shape[1]
     for row in range(revolutions):
         start = (first + row) * options.period
@@ -389,7 +296,9 @@ def advance(system, memory, options, first, revolutions, record):
         steps = 0
         while t < end:
             natural = (
-                min(control[0], options.max_step) if control[0] > 0.0 else 0.1 * options.max_step
+                min(control[NEXT_STEP], options.max_step)
+                if control[NEXT_STEP] > 0.0
+                else 0.1 * options.max_step
             )
             if options.fixed:
                 natural = options.max_step
@@ -400,28 +309,20 @@ def advance(system, memory, options, first, revolutions, record):
             h = remaining / count
             error, exponent = take_step(system, memory, t, h, options.tangent)
             steps += 1
-            control[1] += 1.0
+            control[STEPS] += 1.0
             size = error / options.tolerance
-            if not math.isfinite(size):
-                factor = 0.25
-            else:
-                factor = 0.9 * max(size, 1e-12) ** exponent
-                if size <= 1.0 and control[3] > 0.0 and size > 1e-3:
-                    # Gustafsson's predictive control: where errors grow from step to step, shrink
-                    # ahead of them
-                    factor = min(factor, factor * h / control[3] * (size / control[4]) ** exponent)
-                factor = min(4.0, max(0.2, factor))
+            factor = _step_factor(control, h, size, exponent)
             if not size <= 1.0 and not (options.fixed and math.isfinite(size)):
-                control[0] = h * min(factor, 0.9)
-                control[2] += 1.0
-                if control[0] < _MIN_STEP or options.fixed:
+                control[NEXT_STEP] = h * min(factor, 0.9)
+                control[REJECTED] += 1.0
+                if control[NEXT_STEP] < _MIN_STEP or options.fixed:
                     return STEP_TOO_SMALL, row
                 if steps > options.max_steps:
                     return TOO_MANY_STEPS, row
                 continue
-            control[3], control[4] = h, max(size, 1e-3)
+            control[LAST_STEP], control[LAST_ERROR] = h, max(size, 1e-3)
             # a step cut short to meet the end of the revolution does not shrink the next one
-            control[0] = h * factor if h > 0.7 * natural else max(natural, h * factor)
+            control[NEXT_STEP] = h * factor if h > 0.7 * natural else max(natural, h * factor)
             touchdown = observe(u, new, h, row, record)
             if samples > 0:
                 sample(u, new, t, h, start, options.period / samples, row, record)
@@ -431,19 +332,10 @@ def advance(system, memory, options, first, revolutions, record):
             if touchdown:
                 return TOUCHDOWN, row
             if options.tangent:
-                total = splat(0.0)
-                for k in range(0, v.size, WIDTH):
-                    total = total + vload(new_v, k) * vload(new_v, k)
-                norm = 0.0
-                vstore(stages[14], 0, total)
-                for k in range(WIDTH):
-                    norm += stages[14, k]
-                norm = math.sqrt(norm)
+                norm = _renormalise(new_v, v)
                 if not (norm > 0.0 and math.isfinite(norm)):
                     return STEP_TOO_SMALL, row
                 growth += math.log(norm)
-                for k in range(0, v.size, WIDTH):
-                    vstore(v, k, vload(new_v, k) * (1.0 / norm))
             if steps > options.max_steps:
                 return TOO_MANY_STEPS, row
         n = u.size - ROTOR_STATES
@@ -456,10 +348,10 @@ def advance(system, memory, options, first, revolutions, record):
 
 
 def bind(function, **replacements):
-    """Compile ``function`` (from this module) for another system.
+    """Compile ``function`` for another system.
 
-    The code object is the same; only the global names it calls are replaced, in it and in what it
-    calls here.
+    The code object is the same; only the global names it calls are replaced, in it and in the
+    Rosenbrock step that it calls.
 
     Parameters
     ----------
@@ -474,7 +366,8 @@ def bind(function, **replacements):
     -------
     dispatcher
     """
-    names = {**globals(), **replacements}
+    source = function.py_func
+    names = {**source.__globals__, **replacements}
     if function is advance:
         rodas = replacements.get("rodas_step") or bind(rodas_step, **replacements)
         names["take_step"] = njit(nogil=True)(
@@ -492,7 +385,6 @@ def bind(function, **replacements):
                 -0.25,
             )
         )
-    source = function.py_func
     return njit(nogil=True)(types.FunctionType(source.__code__, names, source.__name__))
 
 
@@ -512,4 +404,5 @@ __all__ = [
     "build_memory",
     "build_record",
     "rodas_step",
+    "seek_step",
 ]

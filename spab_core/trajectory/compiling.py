@@ -23,10 +23,10 @@ import numpy as np
 from spab_core.design.model import reference_design
 from spab_core.linear_theory.summary import derive
 from spab_core.solver.cache import is_kept
-from spab_core.solver.film import DEFAULT_MESH, Film, Mesh, build_film
-from spab_core.solver.rotor import RotorCoefficients, build_rotor
-from spab_core.solver.slope import build_work, fill_jacobian, unknown_places
+from spab_core.solver.film import DEFAULT_MESH, Mesh
+from spab_core.solver.slope import build_work, fill_jacobian
 from spab_core.solver.stepping import METHODS, Options, advance, build_memory, build_record
+from spab_core.solver.system import build_system
 from spab_core.trajectory.point import solve_point
 from spab_core.trajectory.settings import Settings
 
@@ -39,30 +39,18 @@ def is_compiled(mesh: Mesh = DEFAULT_MESH, method: str = METHODS[0]) -> bool:
     """Whether this process can solve operating points without compiling, its kernels loaded or kept
     for this processor.
     """
-    film, rotor = _system(mesh)
-    return is_kept(
-        advance, (film, rotor), build_memory(film, method), Options(), 0, 1, build_record(1, 0)
-    )
+    system = build_system(reference_design(), 1.0, 1.0, mesh)
+    memory = build_memory(system.film, method)
+    return is_kept(advance, system, memory, Options(), 0, 1, build_record(1, 0))
 
 
 def is_linear_compiled() -> bool:
     """The same for what linear theory needs on the usual mesh, which is compiled first."""
-    film, rotor = _system(DEFAULT_MESH)
-    columns, state = unknown_places(film, False), build_memory(film).state
+    system = build_system(reference_design(), 1.0, 1.0)
+    state, work = np.zeros(system.size), build_work(system.film)
     return is_kept(
-        fill_jacobian,
-        (film, rotor),
-        state,
-        columns,
-        build_work(film),
-        state.copy(),
-        np.empty((1, len(state))),
+        fill_jacobian, system, state, system.unknowns, work, state, np.empty((1, system.size))
     )
-
-
-def _system(mesh: Mesh) -> tuple[Film, RotorCoefficients]:
-    design = reference_design()
-    return build_film(design, 1.0, mesh), build_rotor(design, 1.0, 1.0)
 
 
 @contextlib.contextmanager

@@ -10,15 +10,15 @@ from spab_core.trajectory.settings import Settings
 # seconds a column, of a revolution and of a step, for up to 4, 8 and 16 latitudes: the width of a
 # compiled row
 _COLUMN = {"rodas": (15e-6, 55e-6, 250e-6), "dtm": (0.55e-6, 1.7e-6, 6e-6)}
-_LIMIT, _LATITUDE, _AZIMUTH = (
-    2.5,
-    8.0,
-    0.057,
-)  # dtm's steps are limited by diffusion across and around
+# dtm's steps are limited by diffusion in the film: steps by latitudes and azimuths, and the bearing
+# number under which they shrink
+_LATITUDE = 8.0
+_AZIMUTH = 0.057
+_LIMIT = 2.5
 
 
 def expected_seconds(settings: Settings, bearing_number: float) -> float:
-    """About how long one point takes at most; a run that settles early takes less.
+    """Estimate the seconds that one point takes at most; a run that settles early takes less.
 
     Parameters
     ----------

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -51,11 +53,11 @@ class OperatingPoint:
         peak = self.trajectory.peak
         return float(peak.max()) if len(peak) else float("nan")
 
-    def record(self) -> dict:
+    def record(self) -> dict[str, Any]:
         """The answer as plain values; the keys are those of ``spab simulate --json``."""
 
-        def number(value):
-            return value if value == value else None
+        def number(value: float) -> float | None:
+            return None if math.isnan(value) else value
 
         return {
             "rotor_mass_kg": self.rotor_mass,

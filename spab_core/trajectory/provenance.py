@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import platform
+from typing import Any
 
 import numpy as np
 
@@ -12,8 +13,8 @@ from spab_core.solver.cache import solver_hash
 from spab_core.trajectory.settings import Settings
 
 
-def map_metadata(design: Design, settings: Settings, shape: tuple[int, ...]) -> dict:
-    """What a map file says about itself, times apart."""
+def map_metadata(design: Design, settings: Settings, shape: tuple[int, ...]) -> dict[str, Any]:
+    """Return the metadata of a map or point file: design, settings, units, versions, date."""
     import numba
     import scipy
 

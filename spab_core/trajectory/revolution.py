@@ -17,7 +17,6 @@ from spab_core.common.errors import DesignError
 from spab_core.design.model import Design
 from spab_core.solver.film import (
     Film,
-    build_film,
     film_array,
     film_force,
     film_size,
@@ -34,6 +33,7 @@ from spab_core.solver.stepping import (
     build_memory,
     build_record,
 )
+from spab_core.solver.system import build_system
 from spab_core.trajectory.point import OperatingPoint
 from spab_core.trajectory.settings import Settings
 
@@ -51,7 +51,7 @@ class Revolution:
     rotor_mass, bearing_number : float
         kg on one bearing; Lambda.
     status : str
-        One of ``integrate.STATUS``; not ``ok``: the arrays end before the revolution does.
+        One of ``stepping.STATUS``; not ``ok``: the arrays end before the revolution does.
     tau : ndarray, (K + 1,)
         Shaft angle since the start of the run, rad.
     states : ndarray, (K + 1, 8)
@@ -105,15 +105,13 @@ def integrate_revolution(point: OperatingPoint, samples: int = 72) -> Revolution
     t = point.trajectory
     if t.status != "ok":
         raise DesignError("the run did not complete: there is no film to show")
-    film = build_film(
-        point.design, point.bearing_number, point.settings.mesh, point.settings.scheme
+    settings = point.settings
+    system = build_system(
+        point.design, point.rotor_mass, point.bearing_number, settings.mesh, settings.scheme
     )
-    system = (film, build_rotor(point.design, point.rotor_mass, point.bearing_number))
-    memory = build_memory(film)
+    film, memory = system.film, build_memory(system.film)
     memory.state[:] = t.final
-    options = Options(
-        tolerance=min(TOLERANCE, point.settings.tolerance), period=REVOLUTION / samples
-    )
+    options = Options(tolerance=min(TOLERANCE, settings.tolerance), period=REVOLUTION / samples)
     kept, status = [memory.state.copy()], OK
     for k in range(samples):
         status, _ = advance(
@@ -156,11 +154,15 @@ def run_up(
     revolutions, samples : int
         How many, and points of each. A run that fails ends there.
     """
-    film = build_film(design, bearing_number, settings.mesh, settings.scheme)
-    system = (film, build_rotor(design, rotor_mass, bearing_number))
+    system = build_system(design, rotor_mass, bearing_number, settings.mesh, settings.scheme)
     record = build_record(revolutions, samples)
     advance(
-        system, build_memory(film), Options(tolerance=settings.tolerance), 0, revolutions, record
+        system,
+        build_memory(system.film),
+        Options(tolerance=settings.tolerance),
+        0,
+        revolutions,
+        record,
     )
     path = record.path.reshape(-1, ROTOR_STATES)
     path = path[np.isfinite(path[:, 0])]
@@ -244,7 +246,7 @@ def surface(
     s = np.linspace(-1.0, 1.0, latitudes)
     even = np.eye(2 * m)[:, ::2]
 
-    def bubbles(x):
+    def bubbles(x: np.ndarray) -> np.ndarray:
         return ((1.0 - x**2) * legendre.legval(x, even)).T
 
     across = bubbles(s) @ np.linalg.inv(bubbles(latitude_operators(m)[0]))  # of P² - 1

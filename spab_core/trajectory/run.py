@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,23 +17,25 @@ from spab_core.common.errors import DesignError, InputError
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
 from spab_core.linear_theory.equilibrium import MAX_DENSE_CELLS
-from spab_core.linear_theory.whirl import linear_spectrum
-from spab_core.solver.film import build_film, film_size
-from spab_core.solver.rotor import RAMP_REVOLUTIONS, ROTOR_STATES, RotorCoefficients, build_rotor
-from spab_core.solver.slope import slope_and_jacobian, unknown_places
+from spab_core.linear_theory.whirl import spectrum_of
+from spab_core.solver.rotor import RAMP_REVOLUTIONS, ROTOR_STATES, RotorCoefficients
+from spab_core.solver.slope import slope_and_jacobian
 from spab_core.solver.stepping import (
     DEFAULT_TOLERANCE,
     MAX_STEP,
     OK,
     REVOLUTION,
     STATUS,
+    STEPS,
     TOO_MANY_STEPS,
     Options,
     Record,
     advance,
     build_memory,
     build_record,
+    seek_step,
 )
+from spab_core.solver.system import System, build_system
 from spab_core.trajectory.periodic_orbit import (
     CHECK_EVERY,
     MEMORY,
@@ -50,31 +53,29 @@ from spab_core.trajectory.periodic_orbit import (
 from spab_core.trajectory.settings import Settings
 
 # last revolutions of the transient (at most half of it) in which the tangent already runs: on a
-# sheared
+# sheared torus it grows like the time, which leaves a bias of ln(1 + T/a)/T after T measured and a
+# aligning revolutions
 ALIGNMENT = 100
-# torus it grows like the time, which leaves a bias of ln(1 + T/a)/T after T measured and a aligning
-# revolutions
-STRONG, FINE_STEPS = (
-    -2.0,
-    768,
-)  # rate per revolution under which the tangent is measured again, at so many steps a revolution
-THIN, BUSY, FINER = (
-    0.96,
-    400,
-    16.0,
-)  # eccentricity, or steps a revolution, from which on, and where a run fails, the tolerance
-# is divided by FINER: it is over the clearance, not over the film, and a vibration of many steps
-# adds up the errors of each
-MOST_STEPS = 10_000  # a revolution, at the default tolerance
+# rate per revolution under which the tangent is measured again on finer steps
+STRONG = -2.0
+# of a revolution, in which such a tangent is measured again
+FINE_STEPS = 768
+# eccentricity from which on a run takes the smaller tolerance: errors are measured over the
+# clearance, not over the thin film
+THIN = 0.96
+# steps of a revolution from which on it does so too: a vibration of many steps adds up their errors
+BUSY = 400
+# by how much the smaller tolerance is smaller
+FINER = 16.0
+# allowed in a revolution, at the default tolerance
+MOST_STEPS = 10_000
 # own vibrations over the shaft speed: from there on rounding of positions alone accelerates by 1e-5
 # and more
 FASTEST = 3e5
-PHASES, PER_SWING = (
-    4,
-    12,
-    # instants of a revolution at which swift vibrations are sought; steps for one swing of a growing
-    # one
-)
+# instants of a revolution at which swift vibrations are sought
+PHASES = 4
+# steps that one swing of a growing vibration takes
+PER_SWING = 12
 # last revolutions of a run without a check: recording paths there must not change where the run
 # stops
 _ATTENTION = 50
@@ -92,7 +93,7 @@ class Trajectory:
     Attributes
     ----------
     status : str
-        One of ``integrate.STATUS``; not ``ok`` means that the run ended at its revolution
+        One of ``stepping.STATUS``; not ``ok`` means that the run ended at its revolution
         ``completed``.
     completed : int
         Revolutions done, transient included.
@@ -171,213 +172,330 @@ def simulate(
         For an operating point out of range, or a start that does not fit the mesh.
     """
     check_point(rotor_mass, bearing_number)
-    given = (
-        design,
-        rotor_mass,
-        bearing_number,
-        settings or Settings(),
-        path_revolutions,
-        samples,
-        start,
-        progress,
-    )
-    if _out_of_steps(design, rotor_mass, bearing_number, given[3]):
-        film, nothing = (
-            build_film(design, bearing_number, given[3].mesh, given[3].scheme),
-            np.empty(0),
-        )
-        return Trajectory(
-            STATUS[TOO_MANY_STEPS],
-            0,
-            np.empty((0, ROTOR_STATES)),
-            nothing,
-            nothing,
-            nothing,
-            np.empty((0, samples, ROTOR_STATES)),
-            0,
-            0.0,
-            build_memory(film).state,
-        )
-    found, growing = _run(*given, MAX_STEP)
-    if growing:  # a vibration that long steps have damped away
-        steps = 2.0 ** math.ceil(math.log2(PER_SWING * growing))
+    settings = settings or Settings()
+    system = build_system(design, rotor_mass, bearing_number, settings.mesh, settings.scheme)
+
+    def start_run(max_step: float) -> Run:
+        return Run(design, system, settings, path_revolutions, samples, start, progress, max_step)
+
+    run = start_run(MAX_STEP)
+    if _out_of_steps(design, system, settings):
+        run.status = TOO_MANY_STEPS
+        return run.pack()
+    found = run.solve()
+    if run.growing:  # a vibration that long steps have damped away
+        steps = 2.0 ** math.ceil(math.log2(PER_SWING * run.growing))
         if steps > MOST_STEPS:
             return dataclasses.replace(found, status=STATUS[TOO_MANY_STEPS], settled=None)
-        found, _ = _run(*given, REVOLUTION / steps)
+        found = start_run(REVOLUTION / steps).solve()
     return found
 
 
-def _run(
-    design: Design,
-    rotor_mass: float,
-    bearing_number: float,
-    settings: Settings,
-    path_revolutions: int,
-    samples: int,
-    start: np.ndarray | None,
-    progress: Progress | None,
-    max_step: float,
-) -> tuple[Trajectory, float]:
-    """:func:`simulate` with steps of at most ``max_step``; and the frequency, over the shaft speed,
-    of a growing vibration that they cannot follow, 0 for none."""
-    began = time.perf_counter()
-    film = build_film(design, bearing_number, settings.mesh, settings.scheme)
-    rotor = build_rotor(design, rotor_mass, bearing_number)
-    system = (film, rotor)
-    memory = build_memory(film, settings.method)
-    before = 0  # revolutions that the start has behind it: the load is raised over the first ones
-    if start is not None:
-        if np.shape(start) != memory.state.shape:
-            raise DesignError(
-                f"start has shape {np.shape(start)}; a state on mesh {settings.mesh} has "
-                f"{memory.state.shape}"
-            )
-        memory.state[:] = start
-        before = math.ceil(RAMP_REVOLUTIONS)
-    # the steps of dtm are limited by stability, so a smaller tolerance costs nothing and keeps its
-    # tangent clean
-    tolerance = min(settings.tolerance, 1e-6) if settings.method == "dtm" else settings.tolerance
-    transient, total = int(settings.transient), int(settings.transient) + int(settings.revolutions)
-    kept = min(path_revolutions, int(settings.revolutions))
-    aligned = min(ALIGNMENT, transient // 2)
-    done, status, tangent = 0, OK, False
-    records: list[Record] = []  # of the chunks so far
-    first_tangent = total  # first revolution with a tangent
-    settled, rates, pushed = None, dict[int, float](), False
-    implicit, careful, growing = settings.method == "rodas", False, 0.0
-    share = (DEFAULT_TOLERANCE / tolerance) ** 0.25  # of steps, over those at the default tolerance
-    limits = {"max_step": max_step, "max_steps": int(MOST_STEPS * share)} if implicit else {}
+class Swift(NamedTuple):
+    """The least damped swift vibration on a periodic orbit.
 
-    def run(count, keep=False, **more):
-        nonlocal done, status, tolerance, careful
-        at_first = memory.state.copy(), memory.tangent.copy(), memory.control[1]
-        while True:
-            record = build_record(
-                count, samples if keep else 0, film_size(film) + ROTOR_STATES if tangent else 0
-            )
-            options = Options(tolerance, tangent=tangent, **(limits | more))
-            status, completed = advance(system, memory, options, before + done, count, record)
-            busy = implicit and memory.control[1] - at_first[2] > BUSY * share * count
-            if (
-                careful
-                or more
-                or status == TOO_MANY_STEPS
-                or not (status != OK or busy or record.peak.max() > THIN)
-            ):
-                break
-            careful, tolerance = (
-                True,
-                tolerance / FINER,
-            )  # these revolutions once more, and all that follow
-            memory.state[:], memory.tangent[:] = at_first[:2]
-            memory.control[0] = memory.control[3] = 0.0  # the step is sought anew
-        done += completed
-        records.append(Record(*(a[:completed] for a in record)))
-        if progress:
-            progress(completed)
+    Attributes
+    ----------
+    rate : float
+        Per revolution, the mean over :data:`PHASES` instants of one.
+    error : float
+        Distance of that mean from the one over every other instant.
+    frequency : float
+        Over the shaft speed.
+    """
 
-    def last(field, rows):
-        """The last rows of a field of the records."""
-        parts, found = [], 0
-        for record in reversed(records):
+    rate: float
+    error: float
+    frequency: float
+
+
+class Run:
+    """One trajectory on its way from the start to its :class:`Trajectory`.
+
+    Parameters
+    ----------
+    design, settings, path_revolutions, samples, start, progress
+        Those of :func:`simulate`.
+    system : System
+    max_step : float
+        Largest step in tau of ``rodas``.
+
+    Attributes
+    ----------
+    memory : Memory
+        State, tangent and step control of the integrator.
+    offset : int
+        Revolutions that the start has behind it: the load is raised over the first ones.
+    done : int
+        Revolutions done.
+    status : int
+        Index into :data:`STATUS`.
+    tolerance : float
+        Of the steps.
+    careful : bool
+        Whether the run has gone over to the smaller tolerance.
+    tangent : bool
+        Whether the tangent runs.
+    first_tangent : int
+        First revolution with a tangent.
+    records : list of Record
+        What the pieces of the run gave so far, none of length 0 but the first.
+    path : ndarray, (path revolutions, samples, 8)
+        Rotor states of the last revolutions.
+    settled : Settled or None
+        The periodic orbit reached.
+    rates : dict
+        Leading rates by period at the last check.
+    pushed : bool
+        Whether the run has been pushed off an unstable orbit.
+    growing : float
+        Frequency, over the shaft speed, of a growing vibration that the steps cannot follow; 0 for
+        none.
+    """
+
+    def __init__(
+        self,
+        design: Design,
+        system: System,
+        settings: Settings,
+        path_revolutions: int = 0,
+        samples: int = 96,
+        start: np.ndarray | None = None,
+        progress: Progress | None = None,
+        max_step: float = MAX_STEP,
+    ) -> None:
+        self.began = time.perf_counter()
+        self.design, self.system, self.settings = design, system, settings
+        self.samples, self.progress, self.max_step = samples, progress, max_step
+        self.memory = build_memory(system.film, settings.method)
+        self.offset = 0
+        if start is not None:
+            if np.shape(start) != self.memory.state.shape:
+                raise DesignError(
+                    f"start has shape {np.shape(start)}; a state on mesh {settings.mesh} has "
+                    f"{self.memory.state.shape}"
+                )
+            self.memory.state[:] = start
+            self.offset = math.ceil(RAMP_REVOLUTIONS)
+        self.implicit = settings.method == "rodas"
+        # the steps of dtm are limited by stability, so a smaller tolerance costs nothing and keeps
+        # its tangent clean
+        self.tolerance = settings.tolerance if self.implicit else min(settings.tolerance, 1e-6)
+        # of steps, over those at the default tolerance
+        self.share = (DEFAULT_TOLERANCE / self.tolerance) ** 0.25
+        self.transient = int(settings.transient)
+        self.total = self.transient + int(settings.revolutions)
+        self.kept = min(path_revolutions, int(settings.revolutions))
+        self.done, self.status, self.careful = 0, OK, False
+        self.tangent, self.first_tangent = False, self.total
+        self.records: list[Record] = [build_record(0, 0)]
+        self.path = np.empty((0, samples, ROTOR_STATES))
+        self.settled: Settled | None = None
+        self.rates: dict[int, float] = {}
+        self.pushed = False
+        self.growing = 0.0
+
+    def solve(self) -> Trajectory:
+        """Run until settled or to the end, refine the rate, record the path."""
+        self.run_until_settled()
+        if self._may_refine():
+            self.refine_strong_rate()
+        if self._may_refine() and _may_be_swift(self.design, self.system.rotor):
+            self.refine_swift_mode()
+        if self.kept and self.status == OK:
+            self.path = self.advance(self.kept, samples=self.samples).path
+        return self.pack()
+
+    def advance(self, count: int, *, samples: int = 0, fixed_step: float | None = None) -> Record:
+        """Do so many revolutions, and keep their record.
+
+        Where they fail, thin the film or take many steps, do them once more at the smaller
+        tolerance, which then stays; not on steps of fixed length.
+        """
+        memory = self.memory
+        state, tangent, steps = memory.state.copy(), memory.tangent.copy(), memory.control[STEPS]
+        record, completed = self._attempt(count, samples, fixed_step)
+        busy = self.implicit and memory.control[STEPS] - steps > BUSY * self.share * count
+        if (
+            not self.careful
+            and fixed_step is None
+            and self.status != TOO_MANY_STEPS
+            and (self.status != OK or busy or record.peak.max() > THIN)
+        ):
+            self.careful, self.tolerance = True, self.tolerance / FINER
+            memory.state[:], memory.tangent[:] = state, tangent
+            seek_step(memory)
+            record, completed = self._attempt(count, samples, fixed_step)
+        self.done += completed
+        self.records.append(Record(*(array[:completed] for array in record)))
+        if self.progress:
+            self.progress(completed)
+        return self.records[-1]
+
+    def _attempt(self, count: int, samples: int, fixed_step: float | None) -> tuple[Record, int]:
+        """Integrate so many revolutions; return their record and how many are whole."""
+        options = Options(self.tolerance, tangent=self.tangent)
+        if self.implicit:
+            options = options._replace(
+                max_step=fixed_step or self.max_step,
+                fixed=fixed_step is not None,
+                max_steps=int(MOST_STEPS * self.share),
+            )
+        record = build_record(count, samples, self.memory.state.size if self.tangent else 0)
+        self.status, completed = advance(
+            self.system, self.memory, options, self.offset + self.done, count, record
+        )
+        return record, completed
+
+    def last(self, field: str, rows: int) -> np.ndarray:
+        """Return the last rows of a field of the records."""
+        parts = [getattr(self.records[0], field)]
+        found = 0
+        for record in reversed(self.records[1:]):
             if found >= rows:
                 break
             parts.append(getattr(record, field))
             found += len(parts[-1])
-        empty = np.empty((0, *getattr(records[0], field).shape[1:]))
-        return np.concatenate(parts[::-1])[-rows:] if rows > 0 and parts else empty
+        return np.concatenate(parts[:0:-1] or parts)[-rows:] if rows > 0 else parts[0]
 
-    while done < total - kept and status == OK and settled is None:
-        if not tangent and done >= transient - aligned:
-            tangent, first_tangent = True, done
-        edges = (
-            done + CHECK_EVERY - done % CHECK_EVERY,
-            transient - aligned,
-            transient,
-            total - kept,
+    @property
+    def measured(self) -> int:
+        """Revolutions that the result covers: whole periods of a settled orbit, and the path."""
+        if self.settled:
+            return window(self.settled.period) + len(self.path)
+        return max(self.done - self.transient, 0)
+
+    def run_until_settled(self) -> None:
+        """Run up to the recorded path, or until a check finds a periodic orbit that attracts."""
+        end = self.total - self.kept
+        tangent_from = self.transient - min(ALIGNMENT, self.transient // 2)
+        while self.done < end and self.status == OK and self.settled is None:
+            if not self.tangent and self.done >= tangent_from:
+                self._start_tangent()
+            next_check = self.done + CHECK_EVERY - self.done % CHECK_EVERY
+            stops = (next_check, tangent_from, self.transient, end)
+            self.advance(min(stop for stop in stops if stop > self.done) - self.done)
+            if (
+                self.status == OK
+                and self.settings.early_stop
+                and self.done % CHECK_EVERY == 0
+                and self.done <= self.total - max(self.kept, _ATTENTION)
+            ):
+                self._check()
+
+    def _start_tangent(self) -> None:
+        self.tangent, self.first_tangent = True, self.done
+
+    def _check(self) -> None:
+        """Start the tangent near a periodic orbit; then stop on one that attracts, and push the
+        run, once, off one that does not.
+        """
+        section = self.last("section", 3 * MEMORY)
+        if not self.tangent:
+            ramped = (self.offset + self.done) * REVOLUTION > self.system.rotor.ramp
+            if ramped and is_near(section):
+                self._start_tangent()
+            return
+        rows = min(MEMORY, self.done - self.first_tangent)
+        found = find_settled(
+            section, self.last("tangent", rows), self.last("growth", rows), self.rates
         )
-        run(min(edge for edge in edges if edge > done) - done)
-        if (
-            status == OK
-            and settings.early_stop
-            and done % CHECK_EVERY == 0
-            and done <= total - max(kept, _ATTENTION)
-        ):
-            section = last("section", 3 * MEMORY)
-            if not tangent:
-                if (before + done) * REVOLUTION > system[1].ramp and is_near(section):
-                    tangent, first_tangent = True, done
-            else:
-                rows = min(MEMORY, done - first_tangent)
-                found = find_settled(section, last("tangent", rows), last("growth", rows), rates)
-                if found and found.rate < 0.0:
-                    settled = found
-                elif found and not pushed and done <= transient // 2:
-                    push(memory.state, memory.tangent)
-                    memory.control[0] = memory.control[3] = 0.0  # the step is sought anew
-                    pushed = True
-    measured = window(settled.period) if settled else max(done - transient, 0)
-    if (
-        settings.early_stop
-        and settings.method == "rodas"
-        and status == OK
-        and (settled or measured)
-    ):
-        rate = settled.rate if settled else last("growth", measured).mean()
-        period = repeating_period(last("section", 3 * MEMORY)) if rate < STRONG else None
-        if (
-            period is not None
-            # its leading modes swing many times a step, and die too fast to be worth short ones before
-        ):
-            run(2 * CHECK_EVERY, max_step=min(max_step, REVOLUTION / FINE_STEPS), fixed=True)
-            memory.control[0] = memory.control[3] = 0.0
-            if status == OK:
-                settled = strong_rate(records[-1].tangent, records[-1].growth, period)
-                measured = window(settled.period)
-    if (
-        implicit
-        and settings.early_stop
-        and status == OK
-        and (settled or measured)
-        and _may_be_swift(design, rotor)
-    ):
-        rate = settled.rate if settled else last("growth", measured).mean()
-        period = settled.period if settled else repeating_period(last("section", 3 * MEMORY))
-        swift = (
-            _swift_rate(system, memory, design.rigid, tolerance, before + done)
-            if period is not None
-            else None
+        if found and found.rate < 0.0:
+            self.settled = found
+        elif found and not self.pushed and self.done <= self.transient // 2:
+            push(self.memory.state, self.memory.tangent)
+            seek_step(self.memory)
+            self.pushed = True
+
+    def _may_refine(self) -> bool:
+        return (
+            self.implicit
+            and self.settings.early_stop
+            and self.status == OK
+            and (self.settled is not None or self.measured > 0)
         )
-        if period and swift and swift[0] > rate - (3.0 * settled.error if settled else 0.0):
-            if swift[0] < UNSTABLE:
-                settled = Settled(period, *swift[:2])
-                measured = window(period)
-            elif max_step == MAX_STEP:
-                growing = swift[2]
-    if kept and status == OK:
-        run(kept, keep=True)
-        measured += len(records[-1].section)
-    path = records[-1].path if kept and records else np.empty((0, samples, ROTOR_STATES))
-    arrays = {name: last(name, measured) for name in ("section", "contact", "peak")}
-    growth = last("growth", done - first_tangent if settled else measured)
-    if design.rigid:  # the disc is the journal
-        for array in (arrays["section"], path):
-            array[..., 2:4], array[..., 6:8] = array[..., 0:2], array[..., 4:6]
-    seconds, contact = time.perf_counter() - began, arrays["contact"] / REVOLUTION
-    trajectory = Trajectory(
-        STATUS[status],
-        done,
-        arrays["section"],
-        growth,
-        contact,
-        arrays["peak"],
-        path,
-        int(memory.control[1]),
-        seconds,
-        memory.state.copy(),
-        settled,
-    )
-    return trajectory, growing
+
+    def _rate(self) -> float:
+        """Rate per revolution found so far."""
+        if self.settled:
+            return self.settled.rate
+        return float(self.last("growth", self.measured).mean())
+
+    def refine_strong_rate(self) -> None:
+        """Measure a strongly damped orbit's rate again on fine steps.
+
+        Its leading modes swing many times a step, and die too fast to be worth short ones before.
+        """
+        if self._rate() >= STRONG:
+            return
+        period = repeating_period(self.last("section", 3 * MEMORY))
+        if period is None:
+            return
+        fine = self.advance(2 * CHECK_EVERY, fixed_step=min(self.max_step, REVOLUTION / FINE_STEPS))
+        seek_step(self.memory)
+        if self.status == OK:
+            self.settled = strong_rate(fine.tangent, fine.growth, period)
+
+    def refine_swift_mode(self) -> None:
+        """Replace the rate where a vibration that long steps damp away dies more slowly; note one
+        that grows, for shorter steps.
+        """
+        rate, slack = self._rate(), 3.0 * self.settled.error if self.settled else 0.0
+        period = (
+            self.settled.period
+            if self.settled
+            else repeating_period(self.last("section", 3 * MEMORY))
+        )
+        swift = self._find_swift() if period is not None else None
+        if period is None or swift is None or not swift.rate > rate - slack:
+            return
+        if swift.rate < UNSTABLE:
+            self.settled = Settled(period, swift.rate, swift.error)
+        elif self.max_step == MAX_STEP:
+            self.growing = swift.frequency
+
+    def _find_swift(self) -> Swift | None:
+        """Find the least damped swift vibration along the next revolution; leave the state."""
+        memory, first = self.memory, self.offset + self.done
+        places, state = self.system.unknowns, memory.state.copy()
+        options = Options(self.tolerance, period=REVOLUTION / PHASES)
+        modes: list[complex] = []
+        for k in range(PHASES):
+            mode = swift_mode(slope_and_jacobian(self.system, memory.state, places)[1][places])
+            status, _ = advance(
+                self.system, memory, options, PHASES * first + k, 1, build_record(1, 0)
+            )
+            if mode is None or status != OK:
+                break
+            modes.append(mode)
+        memory.state[:] = state
+        seek_step(memory)
+        if len(modes) < PHASES:
+            return None
+        rates = 2.0 * math.pi * np.array([mode.real for mode in modes])
+        error = float(abs(rates[::2].mean() - rates.mean()))
+        return Swift(float(rates.mean()), error, abs(modes[0]))
+
+    def pack(self) -> Trajectory:
+        """Return what the run gave so far."""
+        section = self.last("section", self.measured)
+        if self.design.rigid:  # the disc is the journal
+            for array in (section, self.path):
+                array[..., 2:4], array[..., 6:8] = array[..., 0:2], array[..., 4:6]
+        with_tangent = self.done - self.first_tangent
+        return Trajectory(
+            STATUS[self.status],
+            self.done,
+            section,
+            self.last("growth", with_tangent if self.settled else self.measured),
+            self.last("contact", self.measured) / REVOLUTION,
+            self.last("peak", self.measured),
+            self.path,
+            int(self.memory.control[STEPS]),
+            time.perf_counter() - self.began,
+            self.memory.state.copy(),
+            self.settled,
+        )
 
 
 def _own_frequency(design: Design, rotor: RotorCoefficients) -> float:
@@ -389,17 +507,15 @@ def _own_frequency(design: Design, rotor: RotorCoefficients) -> float:
 
 
 def _may_be_swift(design: Design, rotor: RotorCoefficients) -> bool:
-    """Whether a vibration can be :data:`floquet.SWIFT` and not die at once: only a supply feeds it."""
+    """Whether a vibration can be :data:`SWIFT` and not die at once: only a supply feeds it."""
     return design.bearing.supply_pressure_ratio != 1.0 and _own_frequency(design, rotor) > SWIFT
 
 
-def _out_of_steps(
-    design: Design, rotor_mass: float, bearing_number: float, settings: Settings
-) -> bool:
+def _out_of_steps(design: Design, system: System, settings: Settings) -> bool:
     """Whether no affordable steps follow the rotor: its own vibration is too fast, or one that
     grows from rest is.
     """
-    frequency = _own_frequency(design, build_rotor(design, rotor_mass, bearing_number))
+    frequency = _own_frequency(design, system.rotor)
     if frequency > FASTEST:
         return True
     if (
@@ -410,38 +526,11 @@ def _out_of_steps(
     ):
         return False
     try:
-        found = linear_spectrum(design, rotor_mass, bearing_number, settings.mesh)
+        found = spectrum_of(system.without_unbalance())
     except (InputError, np.linalg.LinAlgError):  # no rest to start from: the run will tell
         return False
     return found is not None and any(
         v.real > UNSTABLE and PER_SWING * v.imag > MOST_STEPS for v in found[0]
-    )
-
-
-def _swift_rate(system, memory, rigid, tolerance, first) -> tuple[float, float, float] | None:
-    """Rate per revolution of the least damped swift vibration on a periodic orbit, its error, and
-    its frequency; or None.
-
-    The mean over the instants of the next revolution; the error is how far the mean of every other
-    one is from it."""
-    film, rotor = system
-    places, state = unknown_places(film, rigid), memory.state.copy()
-    found: list[complex] = []
-    options = Options(tolerance, period=REVOLUTION / PHASES)
-    for k in range(PHASES):
-        mode = swift_mode(slope_and_jacobian(film, rotor, memory.state, places)[1][places])
-        status, _ = advance(system, memory, options, PHASES * first + k, 1, build_record(1, 0))
-        if mode is None or status != OK:
-            found = []
-            break
-        found.append(mode)
-    memory.state[:] = state
-    memory.control[0] = memory.control[3] = 0.0
-    rates = 2.0 * math.pi * np.array([mode.real for mode in found])
-    return (
-        (float(rates.mean()), float(abs(rates[::2].mean() - rates.mean())), abs(found[0]))
-        if found
-        else None
     )
 
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from typing import Any
 
 from spab_core.common.errors import DesignError
 from spab_core.common.validation import check_number
 from spab_core.solver.film import DEFAULT_MESH, SCHEMES, Mesh, parse_mesh
-from spab_core.solver.stepping import (
-    DEFAULT_TOLERANCE,
-    METHODS,
-)
+from spab_core.solver.stepping import DEFAULT_TOLERANCE, METHODS
 
 
 @dataclass(frozen=True)
@@ -33,7 +31,7 @@ class Settings:
     early_stop : bool
         Stop where the run has settled on a periodic orbit, and push it off an unstable one in the
         first half of the transient (:mod:`spab_core.trajectory.periodic_orbit`); where it decays by
-        more than :data:`STRONG`, measure that on finer steps.
+        more than :data:`~spab_core.trajectory.run.STRONG`, measure that on finer steps.
     """
 
     mesh: Mesh = DEFAULT_MESH
@@ -44,7 +42,7 @@ class Settings:
     scheme: str = "fitted"
     early_stop: bool = True
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(
             self,
             "mesh",
@@ -67,6 +65,6 @@ class Settings:
                 f"early_stop = {str(self.early_stop)[:40]!r} is not allowed: True or False"
             )
 
-    def to_dict(self) -> dict:
+    def to_dict(self) -> dict[str, Any]:
         """Plain dictionary, the mesh as text."""
         return {**dataclasses.asdict(self), "mesh": str(self.mesh)}

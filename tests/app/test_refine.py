@@ -14,7 +14,7 @@ from streamlit.testing.v1 import AppTest
 
 from spab_core.active_learning import learning_curve
 from spab_core.active_learning.oracles import map_oracle
-from spab_core.active_learning.refine import refine, save_refinement
+from spab_core.active_learning.refine import last, refine, save_refinement
 from spab_core.plotting.surrogates import REFINE_LAYERS
 from spab_core.shipped import manifest as artifacts
 from spab_core.shipped.manifest import REFINED, write_manifest
@@ -32,7 +32,7 @@ def small(tmp_path, monkeypatch):
     """
     m = with_hole(map_of(lambda number, mass: 0.2 * number - 0.05 * mass))
     save_refinement(
-        refine(m.bearing_number, m.rotor_mass, map_oracle(m), 60, metadata=m.metadata),
+        last(refine(m.bearing_number, m.rotor_mass, map_oracle(m), 60, metadata=m.metadata)),
         tmp_path / REFINED,
     )
     write_manifest(tmp_path)

@@ -22,6 +22,7 @@ from spab_core.linear_theory.whirl import linear_spectrum, whirl_thresholds
 from spab_core.solver.film import Mesh, build_film, film_index, film_size
 from spab_core.solver.rotor import build_rotor
 from spab_core.solver.slope import build_work, slope
+from spab_core.solver.system import System
 from tests.conftest import fed_design
 
 MESH = Mesh(3, 24)
@@ -55,7 +56,7 @@ def static_force(design, mass, number, mesh, state, x, y):
     rate = np.empty((len(cells), len(cells)))
 
     def residual(s):
-        assert slope((film, rotor), 0.0, s, work, out)
+        assert slope(System(film, rotor), 0.0, s, work, out)
         return out[cells].copy()
 
     state[n : n + 2] = x, y

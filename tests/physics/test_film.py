@@ -22,6 +22,7 @@ from spab_core.solver.film import (
 )
 from spab_core.solver.rotor import build_rotor
 from spab_core.solver.slope import build_work, slope
+from spab_core.solver.system import System
 from tests.conftest import fed_design
 
 TABLE = [  # edge latitude, P_s, beta, Lambda, K_xx, K_yx
@@ -122,7 +123,7 @@ def test_gas_changes_only_through_edge_and_wall(design, mesh, scheme):
     state[film_index(film)] = s
     state[-8:-6] = x, y
     out = np.zeros_like(state)
-    slope((film, build_rotor(design, 5.0, 3.45)), 0.0, state, build_work(film), out)
+    slope(System(film, build_rotor(design, 5.0, 3.45)), 0.0, state, build_work(film), out)
     rate = gas_content(film, film_array(film, out))
     flux = film_fluxes(film, s, x, y)
     crossing = flux.pop("edge").sum() * 2.0 * math.pi / mesh.azimuth + gas_content(

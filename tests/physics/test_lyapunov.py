@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numba import njit
 
+from spab_core.solver.rodas import build_stages
 from spab_core.solver.stepping import Memory, Options, advance, bind, build_record
 from spab_core.trajectory.lyapunov import exponent
 
@@ -121,7 +122,7 @@ def growth(advance, start, periods, discard, period, tolerance=1e-6, system=(0.0
     n = len(start)
     state, tangent = np.zeros(SIZE), np.zeros(SIZE)
     state[:n], tangent[:n] = start, 1.0 / math.sqrt(n)
-    memory = Memory(np.zeros((3, N, N)), np.zeros((20, SIZE)), None, state, tangent, np.zeros(5))
+    memory = Memory(np.zeros((3, N, N)), build_stages(SIZE), None, state, tangent, np.zeros(5))
     options = Options(tolerance, max_step=period / 4.0, tangent=True, period=period)
     assert advance(system, memory, options, 0, discard, build_record(discard, 0))[0] == 0
     record = build_record(periods, 0)
@@ -233,14 +234,14 @@ def test_henon_map():
 
     @njit
     def henon(system, work, stages, t, h, u, v, with_tangent):
-        stages[12, 0], stages[12, 1] = 1.0 - 1.4 * u[0] ** 2 + u[1], 0.3 * u[0]
-        stages[13, 0], stages[13, 1] = -2.8 * u[0] * v[0] + v[1], 0.3 * v[0]
+        stages.new[0], stages.new[1] = 1.0 - 1.4 * u[0] ** 2 + u[1], 0.3 * u[0]
+        stages.new_tangent[0], stages.new_tangent[1] = -2.8 * u[0] * v[0] + v[1], 0.3 * v[0]
         return 0.0
 
     run = bind(advance, rodas_step=henon, observe=no_touchdown)
     state, tangent = np.zeros(SIZE), np.zeros(SIZE)
     state[:2], tangent[0] = (0.1, 0.1), 1.0
-    memory = Memory(np.zeros((2, 2)), np.zeros((20, SIZE)), None, state, tangent, np.zeros(5))
+    memory = Memory(np.zeros((2, 2)), build_stages(SIZE), None, state, tangent, np.zeros(5))
     record = build_record(200_000, 0)
     options = Options(1.0, max_step=1.0, fixed=True, tangent=True, period=1.0)
     assert run(0.0, memory, options, 0, 200_000, record)[0] == 0

@@ -12,6 +12,7 @@ from spab_core.common.errors import DesignError
 from spab_core.solver.film import film_size
 from spab_core.solver.rotor import build_rotor
 from spab_core.solver.slope import build_work, slope
+from spab_core.solver.system import System
 from spab_core.trajectory.revolution import FORCES, forces, integrate_revolution, run_up, surface
 
 POINTS = {"periodic": (7.0, 6.0), "chaotic, in contact": (18.0, 4.5)}
@@ -40,7 +41,7 @@ def test_the_film_force_is_the_compiled_equations(case):
     n, work = film_size(r.film), build_work(r.film)
     u, out = np.zeros(n + 8), np.zeros(n + 8)
     u[:] = case.trajectory.final
-    assert slope((r.film, rotor), r.tau[0], u, work, out)
+    assert slope(System(r.film, rotor), r.tau[0], u, work, out)
     journal = out[n + 4 : n + 6] / rotor.inverse_mass * d.force_unit
     of_all = (1.0 if d.rigid else d.rotor.journal_mass_fraction) * found["gravity"][0]
     rest = found["contact"][0] + of_all + (found["unbalance"][0] if d.rigid else found["shaft"][0])

@@ -113,10 +113,10 @@ def test_command_writes_and_lists(capsys, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["c.npz"]
 
 
-def test_a_stopped_command_goes_on_from_its_pieces(capsys, tmp_path, monkeypatch):
+def test_a_stopped_command_goes_on_from_its_chunks(capsys, tmp_path, monkeypatch):
     line = ["--range", "5.5:6.5:7", "--sweeps", "up,cold"]
     assert main([*COMMAND, *line, "--out", str(tmp_path / "whole.npz")]) == 0
-    real, calls = bifurcation._solve_piece, []
+    real, calls = bifurcation._solve_chunk, []
 
     def stopped_in_the_third(*arguments):
         calls.append(arguments)
@@ -124,7 +124,7 @@ def test_a_stopped_command_goes_on_from_its_pieces(capsys, tmp_path, monkeypatch
             raise KeyboardInterrupt
         return real(*arguments)
 
-    monkeypatch.setattr(bifurcation, "_solve_piece", stopped_in_the_third)
+    monkeypatch.setattr(bifurcation, "_solve_chunk", stopped_in_the_third)
     with pytest.raises(SystemExit) as stop:
         main([*COMMAND, *line, "--out", str(tmp_path / "c.npz")])
     assert (
@@ -132,22 +132,22 @@ def test_a_stopped_command_goes_on_from_its_pieces(capsys, tmp_path, monkeypatch
         and "goes on" in capsys.readouterr().err
         and not (tmp_path / "c.npz").exists()
     )
-    pieces = sorted((tmp_path / "c.npz.parts").glob("chunk-*.npz"))
-    assert [p.name for p in pieces] == ["chunk-up-000000.npz", "chunk-up-000001.npz"]
+    chunks = sorted((tmp_path / "c.npz.parts").glob("chunk-*.npz"))
+    assert [p.name for p in chunks] == ["chunk-up-000000.npz", "chunk-up-000001.npz"]
     assert (
         main([*COMMAND, "--range", "5.5:6.5:8", "--out", str(tmp_path / "c.npz")]) == 2
     )  # another line
     assert "another run" in capsys.readouterr().err
-    pieces[1].write_bytes(b"damaged")
+    chunks[1].write_bytes(b"damaged")
     assert main([*COMMAND, *line, "--out", str(tmp_path / "c.npz")]) == 2
     assert "cannot read the finished chunk" in capsys.readouterr().err
-    pieces[1].unlink()
+    chunks[1].unlink()
     del calls[:]
     calls += [()] * 3
     assert main([*COMMAND, *line, "--out", str(tmp_path / "c.npz")]) == 0
     assert (
         len(calls) == 3 + 3 and not (tmp_path / "c.npz.parts").exists()
-    )  # of four pieces one was kept
+    )  # of four chunks one was kept
     first, second = (load_bifurcation(tmp_path / f"{name}.npz") for name in ("whole", "c"))
     for sweep, branch in first.branches.items():
         assert np.array_equal(branch.mle, second.branches[sweep].mle)

@@ -198,7 +198,7 @@ def test_a_killed_map_goes_on_from_its_chunks(tmp_path):
 @pytest.mark.parametrize(
     "argv, words",
     [
-        ([], ["command"]),
+        ([], ["required: COMMAND"]),
         (["fly"], ["fly"]),
         (["simulate", "--rotor-mass", "1"], ["--bearing-number"]),
         (

@@ -1,6 +1,8 @@
 """``spab design …``: keys, files, units, and one sentence with exit code 2 for every wrong input."""
 
 import json
+import re
+import zipfile
 
 import numpy as np
 import pandas as pd
@@ -86,6 +88,14 @@ def test_coefficients_against_speed_as_a_workbook(capsys, tmp_path):
     assert all(
         0.3 < row["whirl_ratio"] < 0.7 for row in found["rows"]
     )  # half-speed whirl is the least stable here
+    with zipfile.ZipFile(out) as file:
+        sheet = file.read("xl/worksheets/sheet1.xml").decode()
+    values = re.findall(r'<c r="[A-Z]+[2-4]"><v>([^<]*)</v>', sheet)
+    np.testing.assert_allclose(
+        np.reshape(values, (3, -1)).astype(float),
+        [list(row.values()) for row in found["rows"]],
+        rtol=1e-15,
+    )
     before = out.read_bytes()
     assert main(argv) == 0 and "shaft speed" in capsys.readouterr().out
     assert out.read_bytes() == before
@@ -96,7 +106,7 @@ def test_coefficients_against_speed_as_a_workbook(capsys, tmp_path):
 @pytest.mark.parametrize(
     "argv, words",
     [
-        (["design"], "design_command"),
+        (["design"], "spab design: the following arguments are required: COMMAND"),
         ([*SHOW], "rpm"),
         ([*SHOW, "--rpm", "1", "--bearing-number", "1"], "either"),
         ([*SHOW, "--rpm", "1e9"], "rpm"),

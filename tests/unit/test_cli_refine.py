@@ -88,11 +88,9 @@ def test_live_cells_and_a_run_that_is_stopped(capsys, tmp_path, monkeypatch):
 
     real = cli_refine.refine
 
-    def interrupted(number, mass, oracle, budget, seed, **options):
-        def watch(solved, prediction):
-            raise KeyboardInterrupt
-
-        return real(number, mass, oracle, budget, seed, watch=watch, **options)
+    def interrupted(*arguments, **options):
+        yield next(real(*arguments, **options))
+        raise KeyboardInterrupt
 
     monkeypatch.setattr(cli_refine, "refine", interrupted)
     with pytest.raises(SystemExit) as stop:

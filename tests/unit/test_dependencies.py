@@ -55,13 +55,13 @@ def test_what_the_library_and_the_pages_import_is_declared():
     assert not undeclared(found, PROJECT["dependencies"], EXTRAS["dask"])
 
 
-def test_what_tests_benchmarks_and_docs_import_is_declared():
+def test_what_tests_benchmarks_docs_and_examples_import_is_declared():
     own = {path.stem for path in (*ROOT.glob("benchmarks/*.py"), *ROOT.glob("docs/*.py"))} | {
         "tests",
         "benchmarks",
     }
     rivals = {"extensisq", "heyoka"}  # what benchmarks/against.py compares with, where it is there
-    found = imported("tests/**/*.py", "benchmarks/*.py", "docs/*.py")
+    found = imported("tests/**/*.py", "benchmarks/*.py", "docs/*.py", "examples/*.py")
     groups = (PROJECT["dependencies"], *EXTRAS.values())
     assert "pytest" in found and not undeclared(
         {k: v for k, v in found.items() if k not in own | rivals}, *groups

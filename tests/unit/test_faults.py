@@ -21,6 +21,7 @@ from benchmarks.faults import run
 from spab_core.cli.main import main
 from spab_core.common.files import write_atomically
 from spab_core.jobs import store as jobs
+from spab_core.jobs import worker
 from spab_core.jobs.kinds import KINDS
 from spab_core.maps.checkpoints import locked
 from spab_core.maps.stability_map import MapError, load_map
@@ -129,7 +130,7 @@ def test_a_file_too_large_for_the_disk_leaves_the_old_one(tmp_path):
 
 def work_here(name):
     """What the worker process does, in this one, where a fault can be planted."""
-    return jobs._work(jobs.jobs_folder() / name)
+    return worker.work(jobs.jobs_folder() / name)
 
 
 @pytest.fixture
@@ -144,8 +145,8 @@ def queued(root, monkeypatch):
 
 def start_again(name):
     folder = jobs.jobs_folder() / name
-    data = jobs._read(folder)
-    jobs._write(
+    data = jobs.read_state(folder)
+    jobs.write_state(
         folder,
         data | {"state": "queued", "pid": None, "queued": time.time(), "done": 0, "message": ""},
     )
@@ -173,7 +174,7 @@ def test_a_kill_between_result_and_end_loses_nothing(queued, monkeypatch):
         raise KeyboardInterrupt  # as near to a kill as this process survives: nothing catches it
 
     with monkeypatch.context() as patch:
-        patch.setattr(jobs._Report, "end", killed)
+        patch.setattr(worker._Report, "end", killed)
         with pytest.raises(KeyboardInterrupt):
             work_here(queued)
     job = jobs.find(queued)
@@ -255,7 +256,7 @@ def test_a_worker_lost_before_a_jump_of_the_clock_is_noticed(jump, queued, monke
 
 def test_time_left_is_not_told_after_the_clock_was_set_back(queued):
     folder = jobs.jobs_folder() / queued
-    data = jobs._read(folder) | {
+    data = jobs.read_state(folder) | {
         "state": "running",
         "done": 3,
         "total": 6,

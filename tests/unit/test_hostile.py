@@ -488,7 +488,7 @@ def test_an_infinite_stiffness_is_listed_as_json(capsys):
         "message": "",
         "pid": None,
     }
-    jobs._write(jobs.jobs_folder() / name, now)
+    jobs.write_state(jobs.jobs_folder() / name, now)
     assert main(["jobs", "list", "--json"]) == 0
     found = [job for job in json.loads(capsys.readouterr().out)["jobs"] if job["id"] == name]
     assert found[0]["parameters"]["design"]["rotor"]["shaft_stiffness"] == "inf"
@@ -499,7 +499,7 @@ def test_an_infinite_stiffness_is_listed_as_json(capsys):
         ("total", True),
         ("kind", {}),
     ):
-        jobs._write(jobs.jobs_folder() / name, now | {field: value})
+        jobs.write_state(jobs.jobs_folder() / name, now | {field: value})
         with pytest.raises(InputError, match="damaged"):
             jobs.find(name)
     jobs.delete(name)

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from spab_core.active_learning.quick_map import quick_map
-from spab_core.active_learning.refine import MIN_START, load_refinement
+from spab_core.active_learning.refine import MIN_START, last, load_refinement
 from spab_core.common.errors import InputError
 from spab_core.jobs.kinds import KINDS, SAMPLES
 from spab_core.jobs.store import cancel, submit
@@ -87,13 +87,15 @@ def test_a_quick_map_publishes_its_coarse_plane_and_keeps_it_when_stopped(root, 
 def test_a_quick_map_ends_in_time(tmp_path, design):
     values = np.linspace(2.0, 4.0, 40)
     began = time.monotonic()
-    found = quick_map(
-        design,
-        values,
-        values + 1.0,
-        Settings(**QUICK | {"early_stop": False, "revolutions": 400}),
-        seconds=8.0,
-        parts=tmp_path / "parts",
+    found = last(
+        quick_map(
+            design,
+            values,
+            values + 1.0,
+            Settings(**QUICK | {"early_stop": False, "revolutions": 400}),
+            seconds=8.0,
+            checkpoint=tmp_path / "parts",
+        )
     )
     assert MIN_START <= found.solved.sum() < found.batch.size
     assert time.monotonic() - began < 60.0  # by far less than the minutes that all cells take

@@ -18,6 +18,7 @@ from spab_core.solver.film import (
 from spab_core.solver.linear_solve import linearise, solve
 from spab_core.solver.rotor import build_rotor, rotor_slope
 from spab_core.solver.slope import build_work, slope, slope_tangent, time_slope
+from spab_core.solver.system import System
 
 EPS = np.finfo(float).eps
 
@@ -26,7 +27,7 @@ class Case:
     def __init__(self, design, mesh, scheme="fitted", tau=1.3):
         self.film = build_film(design, 3.45, mesh, scheme)
         self.rotor = build_rotor(design, 18.0, 3.45)
-        self.system = (self.film, self.rotor)
+        self.system = System(self.film, self.rotor)
         self.work = build_work(self.film)
         self.n = film_size(self.film)
         self.tau = tau

@@ -15,7 +15,7 @@ import pytest
 from spab_core import Settings
 from spab_core.cli.main import main
 from spab_core.common.errors import InputError
-from spab_core.maps.checkpoints import open_run
+from spab_core.maps.checkpoints import Checkpoint, run_plan
 from spab_core.maps.compute import compute_map
 from spab_core.maps.stability_map import FIELDS, MapError
 
@@ -71,7 +71,7 @@ def test_a_cluster_that_loses_a_worker_completes_with_the_same_bits(
             MASSES,
             SHORT,
             cluster=cluster.scheduler_address,
-            parts=tmp_path / "parts",
+            checkpoint=tmp_path / "parts",
             progress=kill_one,
         )
     assert killed
@@ -103,12 +103,12 @@ def test_a_cluster_that_does_not_answer_is_a_sentence(capsys, tmp_path, monkeypa
 
 
 def test_two_runs_do_not_share_their_parts(design, tmp_path):
-    open_run(tmp_path / "parts", design, NUMBERS, MASSES, SHORT)
+    Checkpoint(tmp_path / "parts", run_plan(design, NUMBERS, MASSES, SHORT), {}).open()
     with (
         filelock.FileLock(tmp_path / "parts" / "lock"),
         pytest.raises(MapError, match="another run is at work"),
     ):
-        compute_map(design, NUMBERS, MASSES, SHORT, parts=tmp_path / "parts")
+        compute_map(design, NUMBERS, MASSES, SHORT, checkpoint=tmp_path / "parts")
 
 
 def test_an_interrupted_run_goes_on_to_the_same_bits(design, alone, tmp_path):
@@ -121,14 +121,16 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(design, alone, tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        compute_map(design, NUMBERS, MASSES, SHORT, parts=tmp_path / "parts", progress=interrupt)
+        compute_map(
+            design, NUMBERS, MASSES, SHORT, checkpoint=tmp_path / "parts", progress=interrupt
+        )
     kept = len(list((tmp_path / "parts").glob("chunk-*.npz")))
     assert 3 <= kept < 8
     counts = []
     assert_same(
         alone,
         compute_map(
-            design, NUMBERS, MASSES, SHORT, parts=tmp_path / "parts", progress=counts.append
+            design, NUMBERS, MASSES, SHORT, checkpoint=tmp_path / "parts", progress=counts.append
         ),
     )
     assert counts[0] == 25 * kept and sum(counts) == 200

@@ -25,9 +25,9 @@ from spab_core.common.npz import UNREADABLE, open_npz
 from spab_core.design.model import read_design_bytes
 from spab_core.jobs import store as jobs
 from spab_core.maps.bifurcation import load_bifurcation
-from spab_core.maps.checkpoints import read_part
+from spab_core.maps.checkpoints import Checkpoint
 from spab_core.maps.sensitivity import load_sensitivity
-from spab_core.maps.stability_map import CHUNK_ARRAYS, FIELDS, load_map, map_bytes
+from spab_core.maps.stability_map import FIELDS, load_map, map_bytes, unsolved
 from spab_core.shipped import model_cache
 from spab_core.shipped.manifest import (
     ArtifactError,
@@ -126,7 +126,7 @@ def test_no_loader_of_files_unpickles(marker, tmp_path, how):
         load_samples,
         load_sensitivity,
         lambda p: load_intervals(p, m),
-        lambda p: read_part(p, CHUNK_ARRAYS, "run", 1),
+        Checkpoint(None, {}, {name: unsolved(dtype, 1) for name, dtype in FIELDS.items()}).load,
     ):
         with pytest.raises(InputError):
             load(path)
@@ -233,7 +233,7 @@ def test_no_file_of_a_job_is_unpickled(marker, how):
         "message": "",
         "pid": None,
     }
-    jobs._write(folder, state)
+    jobs.write_state(folder, state)
     (folder / "result.npz").write_bytes(dumped(marker, how))
     with pytest.raises(InputError):
         load_point(jobs.find(name).result)

@@ -14,7 +14,7 @@ from spab_core.active_learning.quick_map import (
     quick_map,
     usual_plane,
 )
-from spab_core.active_learning.refine import load_refinement
+from spab_core.active_learning.refine import last, load_refinement
 from spab_core.cli.main import main
 from spab_core.common.errors import InputError
 from spab_core.design.model import parse_design, reference_design
@@ -87,18 +87,22 @@ def test_on_a_cluster_the_same_cells_have_the_same_values(tmp_path, design, monk
     distributed = pytest.importorskip("distributed")
     number, mass = np.linspace(2.0, 4.0, 4), np.linspace(3.0, 9.0, 5)
     settings = Settings("2x16", transient=20, revolutions=20)
-    here = quick_map(design, number, mass, settings, seconds=300.0, parts=tmp_path / "here")
+    here = last(
+        quick_map(design, number, mass, settings, seconds=300.0, checkpoint=tmp_path / "here")
+    )
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
     ) as cluster:
-        there = quick_map(
-            design,
-            number,
-            mass,
-            settings,
-            seconds=300.0,
-            parts=tmp_path / "there",
-            cluster=check_cluster(cluster.scheduler_address),
+        there = last(
+            quick_map(
+                design,
+                number,
+                mass,
+                settings,
+                seconds=300.0,
+                checkpoint=tmp_path / "there",
+                cluster=check_cluster(cluster.scheduler_address),
+            )
         )
     assert here.solved.all() and there.solved.all()
     assert np.array_equal(here.values["mle"], there.values["mle"])
@@ -139,7 +143,7 @@ def test_the_command_maps_and_its_map_has_margins(tmp_path, capsys):
     assert not (tmp_path / "own.npz.parts").exists()
     assert main(["margin", "--map", str(filled), "--rotor-mass", "6", "--bearing-number", "3"]) == 0
     for wrong, told in (
-        (["--minutes", "0"], "seconds = 0 s is out of range"),
+        (["--minutes", "0"], "--minutes = 0 min is out of range"),
         (["--workers", "0"], "--workers = 0"),
         (["--dask", "nowhere"], "no address"),
         (["--preset", "none"], "no preset 'none'"),

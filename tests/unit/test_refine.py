@@ -31,6 +31,7 @@ from spab_core.active_learning.refine import (
     MIN_START,
     choose_next,
     choose_start,
+    last,
     load_refinement,
     refine,
     save_refinement,
@@ -159,7 +160,7 @@ def test_the_budget_is_met_exactly_and_no_cell_is_asked_twice():
     withheld[::3] = True
     for budget in (16, 17, 100):
         oracle = Recording(map_oracle(m))
-        result = refine(m.bearing_number, m.rotor_mass, oracle, budget, 4, allowed=~withheld)
+        result = last(refine(m.bearing_number, m.rotor_mass, oracle, budget, 4, allowed=~withheld))
         assert len(oracle.asked) == len(set(oracle.asked)) == budget == result.solved.sum()
         assert not result.solved[withheld].any() and not withheld.ravel()[result.suggested].any()
         assert not result.solved.ravel()[result.suggested].any()
@@ -169,7 +170,7 @@ def test_the_budget_is_met_exactly_and_no_cell_is_asked_twice():
 def test_a_refinement_is_the_same_under_a_seed_and_solved_cells_are_kept():
     m = stepped()
     first, again, other = (
-        refine(m.bearing_number, m.rotor_mass, map_oracle(m), 120, seed) for seed in (1, 1, 2)
+        last(refine(m.bearing_number, m.rotor_mass, map_oracle(m), 120, seed)) for seed in (1, 1, 2)
     )
     assert_same(first, again)
     assert not np.array_equal(first.batch, other.batch)
@@ -187,14 +188,14 @@ def test_a_larger_budget_solves_the_same_cells_first():
     m = stepped()
     budgets = (64, 100)  # 64: whole batches
     small, large = (
-        refine(m.bearing_number, m.rotor_mass, map_oracle(m), budget, 1) for budget in budgets
+        last(refine(m.bearing_number, m.rotor_mass, map_oracle(m), budget, 1)) for budget in budgets
     )
     assert np.array_equal(small.solved, large.solved & (large.batch < small.metadata["batches"]))
 
 
 def test_all_cells_solved_leave_nothing_to_suggest():
     m = map_of(lambda number, mass: 0.1 * number - 0.5, 5, 5)
-    result = refine(m.bearing_number, m.rotor_mass, map_oracle(m), 25, metadata=m.metadata)
+    result = last(refine(m.bearing_number, m.rotor_mass, map_oracle(m), 25, metadata=m.metadata))
     assert result.solved.all() and len(result.suggested) == 0 and len(result.suggestions()) == 0
 
 
@@ -208,7 +209,7 @@ def test_cells_that_fail_count_are_not_asked_again_and_are_predicted_to_fail():
     m = stepped()
     m = failing(m, np.broadcast_to((m.rotor_mass > 20.0)[None], m.shape))
     oracle = Recording(map_oracle(m))
-    result = refine(m.bearing_number, m.rotor_mass, oracle, 150, 0)
+    result = last(refine(m.bearing_number, m.rotor_mass, oracle, 150, 0))
     assert len(oracle.asked) == len(set(oracle.asked)) == 150
     failed = result.solved & (m.regime == "")
     assert (
@@ -223,7 +224,7 @@ def test_cells_that_fail_count_are_not_asked_again_and_are_predicted_to_fail():
 
 def test_a_plane_where_every_run_fails():
     m = failing(stepped(), np.ones((30, 30), bool))
-    result = refine(m.bearing_number, m.rotor_mass, map_oracle(m), 40, 0)
+    result = last(refine(m.bearing_number, m.rotor_mass, map_oracle(m), 40, 0))
     assert result.solved.sum() == 40 and np.isnan(result.mle).all() and (result.regime == "").all()
     assert len(set(result.suggested.tolist())) == len(result.suggested) > 0
 
@@ -241,21 +242,23 @@ def test_a_plane_where_every_run_fails():
 def test_wrong_input_is_said(budget, seed, words):
     m = stepped()
     with pytest.raises(InputError) as error:
-        refine(m.bearing_number, m.rotor_mass, map_oracle(m), budget, seed)
+        last(refine(m.bearing_number, m.rotor_mass, map_oracle(m), budget, seed))
     assert all(word in str(error.value) for word in words)
 
 
 def test_planes_out_of_range_are_said():
     m = stepped()
     with pytest.raises(InputError, match="9 cells"):
-        refine(m.bearing_number[:3], m.rotor_mass[:3], map_oracle(m), 9)
+        last(refine(m.bearing_number[:3], m.rotor_mass[:3], map_oracle(m), 9))
     with pytest.raises(InputError, match="30 of 900 cells may be solved"):
-        refine(
-            m.bearing_number,
-            m.rotor_mass,
-            map_oracle(m),
-            40,
-            allowed=np.arange(900).reshape(30, 30) < 30,
+        last(
+            refine(
+                m.bearing_number,
+                m.rotor_mass,
+                map_oracle(m),
+                40,
+                allowed=np.arange(900).reshape(30, 30) < 30,
+            )
         )
 
 
@@ -329,21 +332,21 @@ def test_refining_beats_random_cells_of_the_shipped_map(shipped):
         withheld = (
             np.random.default_rng(99 + seed).random(m.mle.size) < 0.2
         )  # cells that neither may solve
-        last: list = []
-        refine(
-            m.bearing_number,
-            m.rotor_mass,
-            map_oracle(m),
-            budget,
-            seed,
-            allowed=~withheld.reshape(m.shape),
-            watch=lambda solved, prediction, last=last: last.append(prediction),
+        refined = last(
+            refine(
+                m.bearing_number,
+                m.rotor_mass,
+                map_oracle(m),
+                budget,
+                seed,
+                allowed=~withheld.reshape(m.shape),
+            )
         )
-        found["refine"].append(scores(m, last[-1], withheld))
+        found["refine"].append(scores(m, refined.mle, refined.regime, withheld))
         solved = np.zeros(m.mle.size, bool)
         solved[np.random.default_rng(seed).permutation(np.flatnonzero(~withheld))[:budget]] = True
         drawn = predict_plane(inputs, solved, m.mle.ravel(), m.regime.ravel(), seed)
-        found["random"].append(scores(m, drawn, withheld))
+        found["random"].append(scores(m, drawn.mle, drawn.regime, withheld))
     mean = {
         strategy: {k: np.mean([row[k] for row in rows]) for k in rows[0]}
         for strategy, rows in found.items()
@@ -368,7 +371,7 @@ def test_the_shipped_refinement_is_of_the_shipped_map():
 
 def test_save_and_load(tmp_path):
     m = stepped()
-    result = refine(m.bearing_number, m.rotor_mass, map_oracle(m), 60, metadata=m.metadata)
+    result = last(refine(m.bearing_number, m.rotor_mass, map_oracle(m), 60, metadata=m.metadata))
     save_refinement(result, tmp_path / "r.npz")
     found = load_refinement(tmp_path / "r.npz")
     assert np.array_equal(found.batch, result.batch) and np.array_equal(found.regime, result.regime)
@@ -410,7 +413,7 @@ def test_save_and_load(tmp_path):
 def test_files_that_are_no_refinement_are_refused(tmp_path, change):
     m = stepped()
     save_refinement(
-        refine(m.bearing_number, m.rotor_mass, map_oracle(m), 16, metadata=m.metadata),
+        last(refine(m.bearing_number, m.rotor_mass, map_oracle(m), 16, metadata=m.metadata)),
         tmp_path / "r.npz",
     )
     with np.load(tmp_path / "r.npz") as data:
@@ -424,7 +427,7 @@ def test_files_that_are_no_refinement_are_refused(tmp_path, change):
         load_refinement(tmp_path / "y.npz")
 
 
-PLAN = {"seed": 3, "start": MIN_START}
+PLAN = {"refine_seed": 3, "refine_start": MIN_START}
 
 
 def solve_live(design, parts, budget=30, progress=None, workers=1, plan=PLAN, settings=SHORT):
@@ -433,12 +436,12 @@ def solve_live(design, parts, budget=30, progress=None, workers=1, plan=PLAN, se
         NUMBERS,
         MASSES,
         settings,
-        parts=parts,
+        checkpoint=parts,
         plan=plan,
         workers=workers,
         progress=progress,
     ) as oracle:
-        return refine(NUMBERS, MASSES, oracle, budget, 3)
+        return last(refine(NUMBERS, MASSES, oracle, budget, 3))
 
 
 @pytest.fixture(scope="module")
@@ -499,7 +502,7 @@ def test_parts_of_another_run_are_refused(design, tmp_path):
     parts = tmp_path / "parts"
     solve_live(design, parts, budget=16)
     for kwargs, word in (
-        ({"plan": PLAN | {"seed": 4}}, "refine_seed"),
+        ({"plan": PLAN | {"refine_seed": 4}}, "refine_seed"),
         ({"settings": dataclasses.replace(SHORT, revolutions=31)}, "settings"),
     ):
         with pytest.raises(MapError, match=f"different: {word}"):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from spab_core.common.errors import InputError
 from spab_core.maps.sensitivity import (
     REACH,
-    Margin,
+    MachineMargin,
     is_stable,
     load_sensitivity,
     machine_margin,
@@ -42,9 +42,9 @@ def test_the_border_found_is_one(design):
 
 def test_distance_tells_the_side_and_bounds_what_was_not_found():
     nan = float("nan")
-    assert Margin("mass", True, 10.0, 8.0, 11.0, 5.0, 20.0).distance == pytest.approx(0.1)
-    assert Margin("mass", False, 10.0, 8.0, nan, 5.0, 20.0).distance == pytest.approx(-0.2)
-    assert Margin("mass", True, 10.0, nan, nan, 5.0, 20.0).distance == pytest.approx(0.5)
+    assert MachineMargin("mass", True, 10.0, 8.0, 11.0, 5.0, 20.0).distance == pytest.approx(0.1)
+    assert MachineMargin("mass", False, 10.0, 8.0, nan, 5.0, 20.0).distance == pytest.approx(-0.2)
+    assert MachineMargin("mass", True, 10.0, nan, nan, 5.0, 20.0).distance == pytest.approx(0.5)
 
 
 def test_sensitivity_is_the_difference_of_margins(design, tmp_path):

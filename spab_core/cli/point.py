@@ -1,0 +1,127 @@
+"""The commands for one operating point: simulate, stiffness, whirl-threshold."""
+
+from __future__ import annotations
+
+import csv
+import io
+from argparse import Namespace
+
+from spab_core.cli import options
+from spab_core.cli.options import Answer, Commands
+from spab_core.cli.progress import say_compiling
+from spab_core.common.files import check_output, write_atomically
+from spab_core.common.validation import check_number
+from spab_core.design.limits import BEARING_NUMBER_RANGE, check_point
+from spab_core.linear_theory.equilibrium import concentric_stiffness
+from spab_core.linear_theory.whirl import whirl_thresholds
+from spab_core.solver.film import parse_mesh
+from spab_core.trajectory.compiling import compile_once
+from spab_core.trajectory.point import OperatingPoint, solve_point
+from spab_core.trajectory.run import path_angle
+
+_ORBIT_REVOLUTIONS = 50
+
+
+def add_commands(commands: Commands) -> None:
+    """Add the commands to the parser's."""
+    sub = options.add_command(
+        commands,
+        "simulate",
+        "solve one operating point: regime and maximum Lyapunov exponent",
+        _simulate,
+    )
+    options.add(sub, "--rotor-mass", "--bearing-number", required=True)
+    sub.add_argument(
+        "--orbit", metavar="FILE.csv", help="write the last orbits, 96 points a revolution"
+    )
+    options.add(sub, *options.SOLVER)
+    sub.set_defaults(revolutions=400)
+    for name, text, run in (
+        ("stiffness", "static stiffness of the film about the centre", _stiffness),
+        (
+            "whirl-threshold",
+            "rotor mass at which the static equilibrium changes its linear stability",
+            _whirl_threshold,
+        ),
+    ):
+        sub = options.add_command(commands, name, text, run, "--design", "--mesh")
+        options.add(sub, "--bearing-number", required=True)
+
+
+def _simulate(args: Namespace) -> Answer:
+    settings, design = options.settings_of(args), options.design_of(args)
+    check_point(args.rotor_mass, args.bearing_number)
+    if args.orbit is not None:
+        check_output(args.orbit, "--orbit")
+    say_compiling()
+    compile_once()
+    point = solve_point(
+        design,
+        args.rotor_mass,
+        args.bearing_number,
+        settings,
+        path_revolutions=0 if args.orbit is None else _ORBIT_REVOLUTIONS,
+    )
+    if args.orbit is not None:
+        write_atomically(args.orbit, _orbit_csv(point))
+    record = point.record()
+    if not args.json:
+        print(point.verdict())
+        if point.mle:
+            print(
+                f"MLE {point.mle.value:+.4f} ± {point.mle.standard_error:.4f} per revolution at "
+                f"{record['speed_rpm']:,.0f} rpm; largest eccentricity "
+                f"{record['max_eccentricity']:.3f} of the clearance; "
+                f"{record['revolutions']} revolutions in {record['wall_seconds']:.2f} s"
+            )
+    return record
+
+
+def _orbit_csv(point: OperatingPoint) -> bytes:
+    text = io.StringIO()
+    writer = csv.writer(text)
+    writer.writerow(["tau", "X2", "Y2", "X1", "Y1", "X2_dot", "Y2_dot", "X1_dot", "Y1_dot"])
+    states = point.trajectory.path.reshape(-1, 8)
+    writer.writerows(
+        [f"{t:.6f}", *(f"{v:.8g}" for v in row)]
+        for t, row in zip(path_angle(point.trajectory), states, strict=True)
+    )
+    return text.getvalue().encode()
+
+
+def _stiffness(args: Namespace) -> Answer:
+    design = options.design_of(args)
+    check_number("bearing number", args.bearing_number, *BEARING_NUMBER_RANGE)
+    kxx, kyx = concentric_stiffness(design, args.bearing_number, parse_mesh(args.mesh))
+    unit = design.stiffness_unit
+    if not args.json:
+        print(
+            f"K_xx = {kxx:.5f}, K_yx = {kyx:.5f} (p_a R² / C); {kxx * unit:.4g} and "
+            f"{kyx * unit:.4g} N/m"
+        )
+    return {"kxx": kxx, "kyx": kyx, "kxx_n_per_m": kxx * unit, "kyx_n_per_m": kyx * unit}
+
+
+def _whirl_threshold(args: Namespace) -> Answer:
+    check_number("bearing number", args.bearing_number, *BEARING_NUMBER_RANGE)
+    found: list[Answer] = [
+        {
+            "critical_mass_kg": t.critical_mass,
+            "critical_mass_number": t.critical_mass_number,
+            "whirl_ratio": t.whirl_ratio,
+            "stable_side": t.stable_side,
+        }
+        for t in whirl_thresholds(
+            options.design_of(args), args.bearing_number, parse_mesh(args.mesh)
+        )
+    ]
+    if not args.json:
+        for t in found:
+            print(
+                "stable {stable_side} {critical_mass_kg:.4f} kg (M = {critical_mass_number:.4f}); "
+                "whirl at {whirl_ratio:.4f} of the shaft speed".format(**t)
+            )
+        if not found:
+            print("no threshold between 0.01 and 100 kg: stable, or unstable, over the whole range")
+    none = dict.fromkeys(("critical_mass_kg", "critical_mass_number", "whirl_ratio", "stable_side"))
+    return {**(found[0] if found else none), "thresholds": found}
