@@ -517,7 +517,7 @@ def spoil(m, how, marker):
         ("side file gone", None),
         ("side file damaged", "side file"),
         ("link", "is not opened"),
-        ("pipe", "no regular file"),
+        ("pipe", "not a regular file"),
         (("versions", "scikit-learn"), "scikit-learn 1.0"),
         (("map",), "another map"),
     ],
