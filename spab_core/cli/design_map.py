@@ -24,6 +24,7 @@ from spab_core.design.model import Design
 from spab_core.maps.checkpoints import remove_parts
 from spab_core.maps.stability_map import save_map
 from spab_core.trajectory.compiling import is_compiled
+from spab_core.trajectory.regimes import NO_EXPONENT
 
 MAX_WORKERS = 1024
 
@@ -115,5 +116,5 @@ def design_map(args, design: Design) -> dict:
         "solved": solved,
         "bearing_number": axes[0],
         "rotor_mass": axes[1],
-        "shares": {name or "failed": s for name, s in shares.items()},
+        "shares": {name or NO_EXPONENT: s for name, s in shares.items()},
     }

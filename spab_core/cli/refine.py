@@ -22,6 +22,7 @@ from spab_core.linear_theory.linear_table import PLANE, LinearTable, shipped_tab
 from spab_core.maps.checkpoints import remove_parts
 from spab_core.maps.stability_map import axis, check_plane, load_map
 from spab_core.trajectory.provenance import map_metadata
+from spab_core.trajectory.regimes import NO_EXPONENT
 
 _SHOWN = 5  # suggestions printed; the file holds all
 
@@ -193,7 +194,7 @@ def _answer(args, result: Refinement, found: dict) -> dict:
         int((result.values["status"][result.solved] != "ok").sum()),
     )
     names = [name for name in LABELS if (result.regime == name).any()]
-    regimes = {name or "no exponent": int((result.regime == name).sum()) for name in names}
+    regimes = {name or NO_EXPONENT: int((result.regime == name).sum()) for name in names}
     suggested = result.suggestions()
     if not args.json:
         without = f", {failed:,} without an exponent" if failed else ""
@@ -221,7 +222,7 @@ def _answer(args, result: Refinement, found: dict) -> dict:
                 f"solve next: bearing number {row.bearing_number:g} ({row.speed_rpm:,.0f} rpm), "
                 "rotor mass "
                 f"{row.rotor_mass_kg:g} kg: {row.in_doubt} in doubt, "
-                f"{row.predicted_regime or 'no exponent'} with MLE "
+                f"{row.predicted_regime or NO_EXPONENT} with MLE "
                 f"{row.predicted_mle:+.3f} ± {row.deviation:.3f} expected"
             )
     return {

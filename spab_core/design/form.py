@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 
 from spab_core.common.errors import DesignError
+from spab_core.common.units import from_rpm
 from spab_core.common.validation import check_number
 from spab_core.design.limits import BEARING_NUMBER_RANGE
 from spab_core.design.model import Bearing, Contact, Design, Gas, Rotor
@@ -221,7 +222,7 @@ def eccentricity_of_grade(grade: float, speed_rpm: float, journal_mass_fraction:
     """
     check_number("balance quality grade G", grade, *GRADE_RANGE, "mm/s")
     check_number("speed of the grade", speed_rpm, 1.0, 1e7, "rpm")
-    return 1e-3 * grade / (speed_rpm * math.pi / 30.0) / (1.0 - journal_mass_fraction)
+    return 1e-3 * grade / from_rpm(speed_rpm) / (1.0 - journal_mass_fraction)
 
 
 def grade_of_eccentricity(
@@ -230,7 +231,7 @@ def grade_of_eccentricity(
     """Balance quality grade G in mm/s of an eccentricity in m: the inverse of
     :func:`eccentricity_of_grade`.
     """
-    return 1e3 * eccentricity * (1.0 - journal_mass_fraction) * (speed_rpm * math.pi / 30.0)
+    return 1e3 * eccentricity * (1.0 - journal_mass_fraction) * from_rpm(speed_rpm)
 
 
 def bearing_number_of(
@@ -248,7 +249,5 @@ def bearing_number_of(
     if speed_rpm is None:
         return check_number("bearing number", bearing_number, *BEARING_NUMBER_RANGE)
     low, high = (design.speed_rpm(limit) for limit in BEARING_NUMBER_RANGE)
-    number = design.bearing_number(
-        check_number("speed", speed_rpm, low, high, "rpm") * math.pi / 30.0
-    )
+    number = design.bearing_number(from_rpm(check_number("speed", speed_rpm, low, high, "rpm")))
     return min(max(number, BEARING_NUMBER_RANGE[0]), BEARING_NUMBER_RANGE[1])

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from spab_core.common.errors import DesignError, InputError
 from spab_core.common.files import write_atomically
+from spab_core.common.units import to_rpm
 from spab_core.common.validation import check_number
 
 MAX_FEEDING_NUMBER = 1e6  # far below, the wall holds the whole film at the supply pressure
@@ -196,7 +197,7 @@ class Design:
 
     def speed_rpm(self, bearing_number: float) -> float:
         """Shaft speed in revolutions per minute."""
-        return self.speed(bearing_number) * 30.0 / math.pi
+        return to_rpm(self.speed(bearing_number))
 
     def bearing_number(self, speed: float) -> float:
         """Bearing number Lambda at the shaft speed omega in rad/s."""

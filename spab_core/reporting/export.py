@@ -17,11 +17,11 @@ from spab_core.common.errors import InputError
 from spab_core.maps.stability_map import StabilityMap
 from spab_core.solver.stepping import STATUS
 from spab_core.surrogates.models import PredictedMap
-from spab_core.trajectory.regimes import REGIMES
+from spab_core.trajectory.regimes import NO_EXPONENT, REGIMES
 
 PNG_SIZE = (1200, 750)
 _CODES = {
-    "regime": ("no exponent", *REGIMES),
+    "regime": (NO_EXPONENT, *REGIMES),
     "status": STATUS,
 }  # text arrays: NetCDF 3 has numbers with flag meanings
 _NUMBERS = {

@@ -17,6 +17,7 @@ import streamlit as st
 
 from spab_core.active_learning.quick_map import SECONDS
 from spab_core.common.errors import InputError
+from spab_core.common.units import from_rpm
 from spab_core.common.validation import check_number
 from spab_core.design.form import FIELDS, to_form
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
@@ -273,7 +274,7 @@ def set_speed(design: Design, rotor_mass: float, speed_rpm: float) -> None:
     """As :func:`set_point`, at a speed; outside the bearing numbers that can be solved the nearest,
     as the next page tells.
     """
-    number, (low, high) = design.bearing_number(speed_rpm * math.pi / 30.0), BEARING_NUMBER_RANGE
+    number, (low, high) = design.bearing_number(from_rpm(speed_rpm)), BEARING_NUMBER_RANGE
     nearest = min(max(number, low), high)
     if not math.isclose(number, nearest, rel_tol=1e-5):
         st.session_state[_TOLD] = (

@@ -11,6 +11,7 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
+from spab_core.common.units import from_rpm
 from spab_core.design.form import FIELDS, eccentricity_of_grade
 from spab_core.design.model import design_toml, load_design, reference_design
 from spab_core.design.presets import PRESETS, preset
@@ -78,7 +79,7 @@ def test_a_typed_value_is_the_design_of_the_dashboard_and_the_machine_keeps_its_
     assert page.number_input(key="my_rpm").value == rpm
     number = page.number_input(key="bearing_number").value
     assert (
-        number == pytest.approx(design_of(page).bearing_number(rpm * math.pi / 30.0), rel=1e-5)
+        number == pytest.approx(design_of(page).bearing_number(from_rpm(rpm)), rel=1e-5)
         and number > 4.0
     )
     assert (
