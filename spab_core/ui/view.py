@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import streamlit as st
@@ -203,7 +203,7 @@ def _read_address() -> list[str]:
         try:
             if key in VIEW:
                 state.setdefault(key, VIEW[key].read(text))
-            elif key in _design_fields():
+            elif key.replace(".", "__") in FIELDS:
                 changes[key] = _float(key, text)
             else:
                 complaints.append(
@@ -224,14 +224,6 @@ def _float(name: str, text: str) -> float:
         return float(text)
     except ValueError:
         raise InputError(f"{name} = {text!r} is not a number") from None
-
-
-def _design_fields() -> list[str]:
-    return [
-        f"{part.name}.{f.name}"
-        for part in fields(Design)
-        for f in fields(getattr(reference_design(), part.name))
-    ]
 
 
 def _changed(changes: dict[str, float]) -> Design:
@@ -268,6 +260,11 @@ def set_point(rotor_mass: float, bearing_number: float) -> None:
     """
     st.session_state["rotor_mass"] = float(f"{rotor_mass:.6g}")
     st.session_state["bearing_number"] = float(f"{bearing_number:.6g}")
+
+
+def chosen_point() -> tuple[float, float]:
+    """Rotor mass in kg and bearing number of the chosen operating point."""
+    return float(st.session_state["rotor_mass"]), float(st.session_state["bearing_number"])
 
 
 def set_speed(design: Design, rotor_mass: float, speed_rpm: float) -> None:

@@ -100,19 +100,19 @@ def test_every_design_value_at_its_ends():
     at = page()
     for name in FIELDS:
         for end in ("min", "max"):
-            box = at.number_input(key=f"form_{name}")
+            box = at.number_input(key=f"my_{name}")
             box.set_value(getattr(box, end)).run()
             assert not at.exception, name
             refused = any(e.value.endswith("left as it was.") for e in at.error)
             assert refused != (name.replace("__", ".") in at.session_state["_design"]), name
-            at.button(key="form_reset").click()
+            at.button(key="design_reset").click()
             at.number_input(key="bearing_number").set_value(3.45).run()
             assert at.session_state["_design"] == {}
 
 
 def test_a_wrong_design_is_said_and_not_taken():
     at = page(_design={"bearing.radius": 0.01})
-    at.number_input(key="form_bearing__clearance").set_value(
+    at.number_input(key="my_bearing__clearance").set_value(
         600.0
     ).run()  # more than a twentieth of the radius
     assert not at.exception and at.session_state["_design"] == {"bearing.radius": 0.01}
@@ -120,24 +120,24 @@ def test_a_wrong_design_is_said_and_not_taken():
         "twentieth of the radius" in e.value and e.value.endswith("left as it was.")
         for e in at.error
     )
-    assert at.number_input(key="form_bearing__clearance").value == 35.0
+    assert at.number_input(key="my_bearing__clearance").value == 35.0
     at.run()
     assert not any("twentieth" in e.value for e in at.error)  # said once
 
 
 def test_the_rigid_shaft():
     at = page(rotor_mass=10.0, tab="Orbits")
-    at.checkbox(key="form_rigid").check().run()
+    at.checkbox(key="my_rigid").check().run()
     assert not at.exception and math.isinf(at.session_state["_design"]["rotor.shaft_stiffness"])
-    assert at.number_input(key="form_rotor__shaft_stiffness").disabled and len(figures(at)) == 1
-    at.checkbox(key="form_rigid").uncheck().run()
+    assert at.number_input(key="my_rotor__shaft_stiffness").disabled and len(figures(at)) == 1
+    at.checkbox(key="my_rigid").uncheck().run()
     assert not at.exception and at.session_state["_design"] == {} and len(figures(at)) == 2
 
 
 def test_comparison_with_the_reference():
     at = page(rotor_mass=18.0, bearing_number=4.5)
     assert at.toggle(key="compare").disabled
-    at.number_input(key="form_bearing__clearance").set_value(30.0).run()
+    at.number_input(key="my_bearing__clearance").set_value(30.0).run()
     before = at.metric[0].value
     at.toggle(key="compare").set_value(True).run()
     assert (
