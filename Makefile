@@ -20,7 +20,7 @@ STORING := $(addprefix tests/unit/test_,memory.py dependencies.py design.py form
 OLDEST := $(addprefix tests/unit/test_,design.py form.py export.py threads.py kernels.py simulate.py map_engine.py surrogates.py) \
   $(addprefix tests/physics/test_,film.py integrators.py points.py) $(addprefix tests/app/test_,about.py view.py home.py my_bearing.py)
 
-.PHONY: run test compiled test-foreign test-python oldest test-oldest licences lint lock map train verify bifurcations audit \
+.PHONY: run test test-fast coverage compiled test-foreign test-python oldest test-oldest licences lint lock map train verify bifurcations audit \
   linear-table refined manifest pictures results clean another-python
 
 run: $(VENV)/.ready
@@ -28,6 +28,14 @@ run: $(VENV)/.ready
 
 test: $(VENV)/.ready
 	$(BIN)/python -m pytest
+
+# what takes no more than a few seconds each, without pages and browser
+test-fast: $(VENV)/.ready
+	$(BIN)/python -m pytest -q -m "not slow" tests/unit tests/physics
+
+# lines of spab_core, app.py and pages/ that the tests run; those of compiled kernels are not seen
+coverage: $(VENV)/.ready
+	$(BIN)/python -m pytest -q --cov=spab_core --cov=pages --cov=app --cov-report=term --cov-report=html:test-output/coverage
 
 # compiled for another processor than this one, in a folder of kernels of its own: x86-64-v2 has no AVX and no fused products,
 # x86-64-v3 is Haswell; CPU=native is this one

@@ -26,6 +26,7 @@ import tempfile
 import time
 import warnings
 import zipfile
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -669,7 +670,7 @@ def targets(folder):
         ),
         "linear table": (
             2,
-            [(Path(features.__file__).parent / "designs" / features.SHIPPED).read_bytes()],
+            [(resources.files("spab_core.design") / "data" / features.SHIPPED).read_bytes()],
             damaged_npz,
             read_table,
         ),

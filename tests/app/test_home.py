@@ -257,14 +257,15 @@ def test_the_downloads_are_what_is_shown(app, monkeypatch):
         _build_parser().parse_args(line.split()[1:])  # raises SystemExit for what it does not know
 
 
-def test_an_operating_point_without_exponent_is_said_in_words(app):
-    """Three tonnes would overcome the asperities; within the allowed tonne, 25 kg without
-    asperities touches down.
-    """
+def test_a_rotor_that_lies_on_the_wall_is_said_to(app):
+    """A tonne at 30 rpm: no film carries it, and the asperities, which do, let it repeat."""
     app.number_input(key="rotor_mass").set_value(1000.0)
     app.number_input(key="bearing_number").set_value(0.01).run()
     assert not app.exception
-    assert len(verdict(app)) == 1
+    (words,) = verdict(app)
+    assert "100.0 % of the time the film is thinner than a tenth of the clearance" in words
+    assert float(app.metric[1].value) > 0.97  # largest eccentricity
+    assert app.metric[2].value == "100.0 %"
 
 
 def test_touchdown_is_said_in_words():

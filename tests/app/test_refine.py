@@ -20,8 +20,7 @@ from spab_core.shipped import manifest as artifacts
 from spab_core.shipped.manifest import REFINED, write_manifest
 from spab_core.ui import shared
 from tests.conftest import ROOT
-from tests.unit.test_learning_curve import made_up
-from tests.unit.test_surrogates import map_of, with_hole
+from tests.maps import made_up_curve, map_of, with_hole
 
 PAGE = str(next((ROOT / "pages").glob("*_Where_to_solve_next.py")))
 
@@ -48,7 +47,7 @@ def small(tmp_path, monkeypatch):
 
 
 def curve(folder, *values):
-    rows = made_up(*values)
+    rows = made_up_curve(*values)
     pd.concat([rows, rows.assign(judged="withheld", rmse=2.0 * rows["rmse"])]).to_csv(
         folder / "curve.csv", index=False
     )

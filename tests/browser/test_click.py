@@ -2,18 +2,16 @@
 live.
 """
 
-import importlib.util
 import time
 from pathlib import Path
 
 import pytest
 
 from spab_core.shipped.manifest import load_reference_map
-from tests.conftest import ROOT
+from tests.browser.conftest import OUTPUT
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
-OUTPUT = ROOT / "test-output"
 AXES = """() => { const { xaxis, yaxis } = document.querySelector('.js-plotly-plot')._fullLayout;
     return {x: xaxis.range, y: yaxis.range}; }"""
 MARKED = """() => { const plot = document.querySelector('.js-plotly-plot'), layout = plot._fullLayout;
@@ -24,15 +22,6 @@ MARKED = """() => { const plot = document.querySelector('.js-plotly-plot'), layo
             layout.xaxis.p2d(mark.left + mark.width / 2 - box.left)]; }"""
 
 
-def _pictures():
-    spec = importlib.util.spec_from_file_location(
-        "take_pictures", ROOT / "docs" / "take_pictures.py"
-    )
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 PLACES = """() => ['.st-key-map_box .spab-plot', '.st-key-map .nsewdrag', '.st-key-map_box .spab-cross',
                      '.st-key-orbit_box .spab-plot', '.st-key-orbit .nsewdrag'].map(name => {
     const r = document.querySelector(name)?.getBoundingClientRect();
@@ -40,13 +29,13 @@ PLACES = """() => ['.st-key-map_box .spab-plot', '.st-key-map .nsewdrag', '.st-k
 ASKED = "**/PlotlyChart*"
 
 
-def test_the_map_answers_before_plotly_is_there(chromium):
+def test_the_map_answers_before_plotly_is_there(chromium, tools):
     """The plain picture stands where Plotly draws later (to three pixels), takes clicks like it,
     and gives way to it.
 
     Plotly is not sent for before the pointer rests, and its script is held back then until all is
     looked at."""
-    tools, m, held = _pictures(), load_reference_map(), []
+    m, held = load_reference_map(), []
     with tools.dashboard() as address, tools.browser_page() as page:
         page.goto(address)  # compiles, draws
         tools.settled(page)
@@ -102,11 +91,10 @@ def place_on(plot, cross, m):
     return found
 
 
-def test_plotly_comes_when_it_is_wanted_at_once(chromium):
+def test_plotly_comes_when_it_is_wanted_at_once(chromium, tools):
     """A drag on the picture, or the wheel, is for zooming: the charts come without a pause, and the
     point stays.
     """
-    tools = _pictures()
     with tools.dashboard() as address, tools.browser_page() as page:
         for drag in (True, False):
             page.goto(f"{address}/?bearing_number=6&rotor_mass=7")
@@ -130,8 +118,7 @@ def test_plotly_comes_when_it_is_wanted_at_once(chromium):
             assert "bearing_number=6&rotor_mass=7" in page.url
 
 
-def test_click_a_cell(chromium):
-    tools = _pictures()
+def test_click_a_cell(chromium, tools):
     m = load_reference_map()
     messages, requests = [], []
     with tools.dashboard() as address, tools.browser_page() as page:

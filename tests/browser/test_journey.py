@@ -3,7 +3,6 @@
 Pictures go to test-output/.
 """
 
-import importlib.util
 import io
 import re
 
@@ -14,23 +13,11 @@ import pytest
 from spab_core.shipped.manifest import load_reference_map
 from spab_core.shipped.model_store import load_shipped_map
 from spab_core.surrogates.models import MODELS
-from tests.conftest import ROOT
+from tests.browser.conftest import OUTPUT
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
-OUTPUT = ROOT / "test-output"
 NUMBER, MASS = 4.5, 18.0  # in the chaotic band
-
-
-@pytest.fixture(scope="module")
-def tools():
-    spec = importlib.util.spec_from_file_location(
-        "take_pictures", ROOT / "docs" / "take_pictures.py"
-    )
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    OUTPUT.mkdir(exist_ok=True)
-    return module
 
 
 @pytest.fixture(scope="module")

@@ -7,14 +7,13 @@ import time
 import pytest
 
 from spab_core.ui.view import POINT_TABS
-from tests.browser.test_click import OUTPUT, _pictures
+from tests.browser.conftest import OUTPUT
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 
-def test_the_operating_point(chromium):
-    tools, messages, requests = _pictures(), [], []
-    OUTPUT.mkdir(exist_ok=True)
+def test_the_operating_point(chromium, tools):
+    messages, requests = [], []
     with tools.dashboard() as address, tools.browser_page() as page:
         page.on(
             "console", lambda entry: messages.append(entry.text) if entry.type == "error" else None

@@ -129,6 +129,7 @@ def growth(advance, start, periods, discard, period, tolerance=1e-6, system=(0.0
     return exponent(record.growth)
 
 
+@pytest.mark.slow
 def test_lorenz():
     def slope(p, t, u, out):
         out[0], out[1], out[2] = (
@@ -180,6 +181,7 @@ def oscillator():
     return system_of(slope, jacobian, curvature, force_rate)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name, parameters, expected, band",
     [
@@ -195,6 +197,7 @@ def test_forced_oscillators(name, parameters, expected, band):
     assert value == pytest.approx(expected, abs=band + error)
 
 
+@pytest.mark.slow
 def test_linear_system_with_known_exponent():
     """A damped forced linear oscillator: both exponents are half the divergence, -damping/2."""
     found = growth(
@@ -203,6 +206,7 @@ def test_linear_system_with_known_exponent():
     assert found.value / (2.0 * math.pi) == pytest.approx(-0.15, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_unforced_limit_cycle_has_exponent_zero():
     """Van der Pol: the phase along the cycle neither grows nor shrinks."""
 

@@ -116,6 +116,7 @@ def test_a_strongly_damped_orbit_decays_as_linear_theory_says(design, mass, numb
     assert point.mle.value == pytest.approx(linear, rel=0.003)
 
 
+@pytest.mark.slow
 def test_strongly_damped_cells_of_the_shipped_map_decay_as_linear_theory_says():
     """Sixteen random cells with exponents under -2 against the eigenvalues about the static
     equilibrium.

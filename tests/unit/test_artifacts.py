@@ -104,6 +104,7 @@ def test_a_missing_file_is_a_sentence(copy):
         load_reference_map(copy)
 
 
+@pytest.mark.slow
 def test_files_that_are_no_maps_are_refused(tmp_path, copy):
     bad = tmp_path / "bad.npz"
     with pytest.raises(MapError, match="cannot read"):

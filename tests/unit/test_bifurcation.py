@@ -21,7 +21,7 @@ from spab_core.maps.bifurcation import (
     load_bifurcation,
     save_bifurcation,
 )
-from tests.unit.test_surrogates import map_of
+from tests.maps import map_of
 
 SHORT = Settings(mesh="3x24", transient=40, revolutions=60)
 LINE = np.array([5.0, 6.0, 7.0])
@@ -61,6 +61,7 @@ def test_up_and_down_start_where_the_neighbour_ended(design, result):
     )
 
 
+@pytest.mark.slow
 def test_workers_do_not_change_a_bit(design, result):
     two = compute_bifurcation(design, "rotor-mass", 6.0, LINE, SHORT, workers=2)
     for name, branch in result.branches.items():

@@ -19,26 +19,9 @@ from spab_core.cli.main import main
 from spab_core.design.model import design_toml, reference_design
 from spab_core.maps import compute as map_engine
 from spab_core.maps.stability_map import load_map
+from tests.commands import answer, refused
 
 SHORT = ["--mesh", "3x24", "--transient", "10", "--revolutions", "30"]
-
-
-def answer(capsys, *argv):
-    assert main([*argv, "--json"]) == 0
-    return json.loads(capsys.readouterr().out)
-
-
-def refused(capsys, *argv):
-    """The message of a refused command: exit code 2, one line on stderr, nothing on stdout."""
-    try:
-        code = main(list(argv))
-    except SystemExit as stop:
-        code = stop.code
-    out = capsys.readouterr()
-    assert code == 2
-    assert out.out == ""
-    assert out.err.count("\n") == 1 and "Traceback" not in out.err
-    return out.err
 
 
 def test_simulate_keys(capsys, tmp_path):

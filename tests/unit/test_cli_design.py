@@ -12,7 +12,7 @@ from spab_core.design.presets import PRESETS, preset
 from spab_core.linear_theory.coefficients import NAMES, coefficients, impedance
 from spab_core.linear_theory.summary import derive
 from spab_core.solver.film import Mesh
-from tests.unit.test_cli import answer, refused
+from tests.commands import answer, refused
 
 MESH = ["--mesh", "3x24"]
 POINT = ["--rotor-mass", "4.5"]

@@ -14,13 +14,13 @@ from spab_core.cli.main import main
 from spab_core.maps.margin import margin
 from spab_core.maps.stability_map import save_map
 from spab_core.shipped.manifest import ARTIFACTS, REFERENCE_MAP, load_reference_map
-from tests.unit.test_cli import answer, refused
-from tests.unit.test_margin import map_of
+from tests.commands import answer, refused
+from tests.maps import map_of_regimes
 
 
 @pytest.fixture
 def small(tmp_path):
-    m = map_of([1.0, 2.0, 3.0], [1.0, 2.0], [[0, 2], [0, 3], [4, 1]])
+    m = map_of_regimes([1.0, 2.0, 3.0], [1.0, 2.0], [[0, 2], [0, 3], [4, 1]])
     m.metadata.update(mesh="3x24", transient=10, revolutions=10)
     save_map(m, tmp_path / "small.npz")
     return m, str(tmp_path / "small.npz")

@@ -15,7 +15,7 @@ from spab_core.cli import refine as cli_refine
 from spab_core.cli.main import main
 from spab_core.linear_theory import linear_table as features
 from spab_core.maps.stability_map import load_map, save_map
-from tests.unit.test_surrogates import map_of, with_hole
+from tests.maps import map_of, with_hole
 
 LIVE = [
     "refine",
@@ -41,6 +41,7 @@ def map_file(tmp_path_factory):
     return str(path)
 
 
+@pytest.mark.slow
 def test_a_study_tells_its_errors(capsys, tmp_path, map_file):
     out = str(tmp_path / "r.npz")
     argv = ["refine", "--map", map_file, "--budget", "100", "--out", out]
@@ -78,6 +79,7 @@ def test_a_study_tells_its_errors(capsys, tmp_path, map_file):
     )
 
 
+@pytest.mark.slow
 def test_live_cells_and_a_run_that_is_stopped(capsys, tmp_path, monkeypatch):
     whole, stopped = tmp_path / "whole.npz", tmp_path / "stopped.npz"
     assert main([*LIVE, "--out", str(whole), "--json"]) == 0
@@ -169,6 +171,7 @@ def test_wrong_studies_are_one_sentence(capsys, tmp_path, map_file, argv, words)
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_a_bearing_of_ones_own_says_that_linear_theory_comes_first(
     capsys, tmp_path, monkeypatch, design
 ):

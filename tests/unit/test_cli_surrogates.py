@@ -8,7 +8,7 @@ import pytest
 
 from spab_core.cli.main import main
 from spab_core.maps.stability_map import save_map
-from tests.unit.test_surrogates import map_of
+from tests.maps import map_of
 
 
 @pytest.fixture(scope="module")
@@ -18,6 +18,7 @@ def map_file(tmp_path_factory):
     return str(path)
 
 
+@pytest.mark.slow
 def test_evaluate_writes_a_row_for_each_training(capsys, tmp_path, map_file):
     out = tmp_path / "scores.csv"
     argv = [
@@ -46,6 +47,7 @@ def test_evaluate_writes_a_row_for_each_training(capsys, tmp_path, map_file):
     assert "n/4" in text and "Max - Min" in text
 
 
+@pytest.mark.slow
 def test_predict_a_point_and_the_whole_map(capsys, tmp_path, map_file):
     out = tmp_path / "p.npz"
     argv = [
@@ -73,6 +75,7 @@ def test_predict_a_point_and_the_whole_map(capsys, tmp_path, map_file):
     assert "outside the map" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_predict_says_how_sure_it_is(capsys, tmp_path, map_file):
     argv = ["predict", "--model", "theory-trees", "--bearing-number", "4.1", "--rotor-mass", "11"]
     assert main([*argv, "--map", map_file, "--json"]) == 0

@@ -136,7 +136,7 @@ def test_the_process_ends_with_the_server(tmp_path):
     """Killed, a server leaves no compiler behind."""
     program = (
         "import subprocess, sys, time\n"
-        "from spab_core import compiling\n"
+        "from spab_core.trajectory import compiling\n"
         "compiling.start()\n"
         "print('started', flush=True)\n"
         "time.sleep(60)"

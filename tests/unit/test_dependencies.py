@@ -47,10 +47,10 @@ def undeclared(found, *groups):
 
 
 def test_what_the_library_and_the_pages_import_is_declared():
-    found = imported("*.py", "pages/*.py", "spab_core/**/*.py")
+    found = imported("app.py", "pages/*.py", "spab_core/**/*.py")
     assert {"numpy", "streamlit", "sklearn", "PIL", "distributed"} <= set(found)
     assert undeclared(found, PROJECT["dependencies"]) == {
-        "distributed": "spab_core/maps/compute.py"
+        "distributed": "spab_core/maps/parallel.py"
     }  # said there
     assert not undeclared(found, PROJECT["dependencies"], EXTRAS["dask"])
 

@@ -1,20 +1,13 @@
 """Designs: units, ranges, TOML round trip, dimensionless groups by hand."""
 
-import dataclasses
 import math
 
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 
 from spab_core.common.errors import DesignError
 from spab_core.design.model import (
-    MAX_FEEDING_NUMBER,
-    Bearing,
-    Contact,
     Design,
-    Gas,
-    Rotor,
     design_toml,
     load_design,
     parse_design,
@@ -22,6 +15,7 @@ from spab_core.design.model import (
     save_design,
 )
 from spab_core.solver.film import parse_mesh
+from tests.designs import designs
 
 
 def test_reference_design_is_the_default_and_has_the_settled_values():
@@ -52,34 +46,6 @@ def test_mass_scales_as_clearance_to_the_fifth_over_radius_to_the_sixth():
         1.0, 3.0
     )  # mass of b over mass of a at the same M
     assert heavier == pytest.approx((0.030 / 0.060) ** 6 / (20 / 35) ** 5)
-
-
-@st.composite
-def designs(draw):
-    def pick(cls):
-        values = {}
-        for f in dataclasses.fields(cls):
-            m = f.metadata
-            values[f.name] = draw(st.floats(m["low"], m["high"], exclude_min=m["open_low"]))
-        return values
-
-    bearing = pick(Bearing)
-    bearing["clearance"] = min(bearing["clearance"], 0.05 * bearing["radius"])
-    feeding = (
-        6.0
-        * bearing["permeability"]
-        * bearing["radius"] ** 2
-        / (bearing["wall_thickness"] * bearing["clearance"] ** 3)
-    )
-    bearing["permeability"] *= min(1.0, 0.999 * MAX_FEEDING_NUMBER / max(feeding, 1e-9))
-    rotor = pick(Rotor)
-    if draw(st.booleans()):
-        rotor["shaft_stiffness"] = math.inf
-    contact = pick(Contact)
-    contact["force_at_closure"] = min(
-        contact["force_at_closure"], 0.999e-9 * math.exp(min(1.0 / contact["roughness"], 40.0))
-    )
-    return Design(Bearing(**bearing), Gas(**pick(Gas)), Rotor(**rotor), Contact(**contact))
 
 
 @given(designs())

@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 from spab_core.surrogates.metrics import evaluate, mae, rmse, score
 from spab_core.surrogates.models import model
 from spab_core.surrogates.ranking import is_tie, ranking, spread, suggestion, table
-from tests.unit.test_surrogates import map_of, with_hole
+from tests.maps import map_of, with_hole
 
 VALUES = arrays(float, 7, elements=st.integers(-(10**6), 10**6).map(lambda k: k / 1024.0))
 
@@ -83,6 +83,7 @@ def test_ranking_calls_chance_a_tie():
     )  # one seed proves nothing
 
 
+@pytest.mark.slow
 def test_scores_do_not_depend_on_workers():
     m = map_of(lambda number, mass: np.sin(number) * mass / 25.0)
     kinds, done = [model("tree"), model("linear")], []

@@ -105,6 +105,7 @@ def test_a_disk_that_fills_up_is_a_sentence_and_what_is_finished_is_kept(
     assert a.mle.tobytes() == b.mle.tobytes() and (a.regime == b.regime).all()
 
 
+@pytest.mark.slow
 def test_a_file_too_large_for_the_disk_leaves_the_old_one(tmp_path):
     """A limit of the system's own, in a process of its own."""
     write_atomically(tmp_path / "x", b"old")
@@ -186,6 +187,7 @@ def test_a_kill_between_result_and_end_loses_nothing(queued, monkeypatch):
     assert jobs.find(queued).state == "done" and job.result.stat().st_mtime_ns == written
 
 
+@pytest.mark.slow
 def test_what_a_killed_writer_left_is_removed_by_who_goes_on(tmp_path):
     out = tmp_path / "m.npz"
     program = (
@@ -322,6 +324,7 @@ def test_kernels_go_elsewhere_where_they_cannot_be_kept(what, tmp_path, monkeypa
     assert numba.config.CACHE_DIR and not numba.config.CACHE_DIR.startswith(str(bad))
 
 
+@pytest.mark.slow
 def test_a_worker_process_ends_with_the_one_that_started_it():
     """Killed, the parent can tell its processes nothing."""
     program = (
@@ -353,7 +356,7 @@ def test_a_worker_process_ends_with_the_one_that_started_it():
 def test_two_processes_do_one_job_once(root):
     """Both submit it at the same moment; one worker does it, the other finds it taken or done."""
     program = (
-        "import json, sys; from spab_core import jobs\n"
+        "import json, sys; from spab_core.jobs import store as jobs\n"
         "print(jobs.submit('bifurcation', json.loads(sys.argv[1])).id)"
     )
     both = [

@@ -17,7 +17,7 @@ from plotly.colors import sample_colorscale, unlabel_rgb
 from spab_core.plotting.map import LAYERS, map_figure
 from spab_core.plotting.still import orbit_still, still, ticks
 from spab_core.surrogates.models import linear_table_of
-from tests.unit.test_surrogates import map_of, plane, with_hole
+from tests.maps import map_of, plane, with_hole
 
 
 def sources(html):

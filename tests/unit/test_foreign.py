@@ -100,6 +100,7 @@ def test_any_bytes_are_a_sentence(data):
         read_samples(data)
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(*[st.text(max_size=6)] * 3), min_size=MIN_ROWS, max_size=MIN_ROWS))
 def test_any_rows_are_samples_or_a_sentence(rows):
     try:
@@ -121,6 +122,7 @@ def test_ranked_as_the_map_itself(design):
         assert rows[name].iloc[0] == pytest.approx(own[name], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_few_points_are_ranked_too(design):
     steps = []
     scores = rank_samples(

@@ -29,7 +29,7 @@ from spab_core.design.model import (
 )
 from spab_core.design.presets import PRESETS, preset
 from spab_core.linear_theory.equilibrium import static_equilibrium
-from tests.unit.test_design import designs
+from tests.designs import designs
 
 
 def test_every_design_value_is_in_the_form_once():

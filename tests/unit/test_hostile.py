@@ -260,6 +260,7 @@ def _flags(path):
     return {a.option_strings[-1] for a in COMMANDS[path] if a.nargs == 0}
 
 
+@pytest.mark.slow
 def test_damaged_files_and_values_of_every_kind():
     """A few hundred of the cases of benchmarks/fuzz.py; the script says which failed."""
     found = subprocess.run(
@@ -460,7 +461,7 @@ def test_a_design_file_that_costs_by_its_square_is_refused(tmp_path, capsys):
     )
     assert "more than 20,000 bytes" in capsys.readouterr().err
     sources = [*ROOT.glob("*.py"), *ROOT.glob("pages/*.py"), *ROOT.glob("spab_core/**/*.py")]
-    assert [p.name for p in sources if "tomllib" in p.read_text("utf-8")] == ["design.py"]
+    assert [p.name for p in sources if "tomllib" in p.read_text("utf-8")] == ["model.py"]
 
 
 def test_an_infinite_stiffness_is_listed_as_json(capsys):

@@ -17,12 +17,13 @@ from spab_core.surrogates.models import MODELS
 from spab_core.surrogates.user_data import Samples, rank_samples, samples_bytes
 from spab_core.trajectory.point import solve_point
 from spab_core.trajectory.settings import Settings
-from tests.unit.test_jobs import root, until  # noqa: F401  (root is a fixture)
+from tests.background import until
 
 QUICK = {"mesh": "2x16", "transient": 40, "revolutions": 30}
 
 
-def test_sensitivity_as_a_job(root, design):  # noqa: F811
+@pytest.mark.slow
+def test_sensitivity_as_a_job(root, design):
     asked = {"rotor_mass": 8.0, "speed_rpm": 9000.0, "axis": "mass", "scan": 2, "settings": QUICK}
     job = until(submit("sensitivity", asked).id, lambda j: not j.active)
     assert (job.state, job.done, job.total) == ("done", 9, 9), job.message
@@ -31,7 +32,8 @@ def test_sensitivity_as_a_job(root, design):  # noqa: F811
     assert repr(base) == repr(own) and table.equals(rows)
 
 
-def test_ranking_as_a_job_on_its_own_file(root, design):  # noqa: F811
+@pytest.mark.slow
+def test_ranking_as_a_job_on_its_own_file(root, design):
     number, mass = (
         a.ravel() for a in np.meshgrid(np.linspace(0.5, 8.0, 10), np.linspace(1.0, 20.0, 10))
     )
@@ -53,7 +55,8 @@ def test_ranking_as_a_job_on_its_own_file(root, design):  # noqa: F811
     assert "not the file" in until(wrong.id, lambda j: not j.active).message
 
 
-def test_a_quick_map_publishes_its_coarse_plane_and_keeps_it_when_stopped(root, design):  # noqa: F811
+@pytest.mark.slow
+def test_a_quick_map_publishes_its_coarse_plane_and_keeps_it_when_stopped(root, design):
     asked = {
         "bearing_number": "2:4:8",
         "rotor_mass": "3:9:9",
@@ -80,6 +83,7 @@ def test_a_quick_map_publishes_its_coarse_plane_and_keeps_it_when_stopped(root, 
     assert np.array_equal(coarse.values["mle"][coarse.solved], full.values["mle"][coarse.solved])
 
 
+@pytest.mark.slow
 def test_a_quick_map_ends_in_time(tmp_path, design):
     values = np.linspace(2.0, 4.0, 40)
     began = time.monotonic()

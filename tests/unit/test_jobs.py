@@ -22,34 +22,11 @@ from spab_core.maps.stability_map import axis
 from spab_core.trajectory.point import solve_point
 from spab_core.trajectory.point_file import load_point, save_point
 from spab_core.trajectory.settings import Settings
+from tests.background import until
 
 TINY = {"mesh": "2x16", "transient": 20, "revolutions": 20}
 LINE = {"vary": "rotor-mass", "at": 3.0, "range": "4:6:3", "sweeps": ["cold"], "settings": TINY}
 LONG = LINE | {"range": "4:9:300", "settings": TINY | {"transient": 600, "early_stop": False}}
-
-
-@pytest.fixture
-def root(tmp_path, monkeypatch):
-    """Jobs of this test alone; none is left at work."""
-    folder = tmp_path / "jobs"
-    monkeypatch.setenv("SPAB_JOBS", str(folder))
-    yield folder
-    for job in list_jobs():
-        if job.active:
-            cancel(job.id)
-    for name in list(jobs._workers):
-        jobs._workers.pop(name).wait(60)
-
-
-def until(name, wanted, seconds=90):
-    """The job once ``wanted`` holds for it."""
-    end = time.monotonic() + seconds
-    while True:
-        job = find(name)
-        if wanted(job):
-            return job
-        assert time.monotonic() < end, job
-        time.sleep(0.05)
 
 
 def worker_of(job):
@@ -126,6 +103,7 @@ def test_one_runs_the_others_wait_and_a_cancel_stops_all_its_processes(root):
     assert dataclasses.replace(cancel(job.id), size=stopped.size) == stopped  # nothing more to stop
 
 
+@pytest.mark.slow
 def test_cancelled_then_killed_it_goes_on_to_the_same_bits(root, design):
     short = LONG | {"range": "4:9:30", "sweeps": ["up", "cold"]}
     job = submit("bifurcation", short)

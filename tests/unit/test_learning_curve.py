@@ -20,7 +20,7 @@ from spab_core.common.errors import InputError
 from spab_core.maps.stability_map import FIELDS
 from spab_core.plotting.surrogates import learning_curve_figure
 from spab_core.shipped.manifest import load_reference_map
-from tests.unit.test_surrogates import map_of
+from tests.maps import made_up_curve, map_of
 
 
 @pytest.fixture(scope="module")
@@ -66,29 +66,15 @@ def test_file_and_figure(rows, tmp_path):
         assert np.allclose(chosen.y, expected)
 
 
-def made_up(refined, committee, tree):
-    values = [
-        ("refine", COMMITTEE, 16, *refined),
-        ("random", COMMITTEE, 4, *committee),
-        ("random", "tree", 4, *tree),
-    ]
-    rows = [
-        (strategy, name, "unsolved", divisor, 100, seed, error + 0.1 * seed, error, 0.0, 1.0, f1)
-        for strategy, name, divisor, error, f1 in values
-        for seed in (0, 1)
-    ]
-    return pd.DataFrame(rows, columns=list(COLUMNS))
-
-
 def test_the_goal_by_hand():
-    found = goal(made_up((0.2, 0.95), (0.3, 0.94), (0.1, 0.96)))
+    found = goal(made_up_curve((0.2, 0.95), (0.3, 0.94), (0.1, 0.96)))
     assert found.loc["rmse", "refined"] == pytest.approx(0.25) and found.loc[
         "rmse", "best"
     ] == pytest.approx(0.15)
     assert (
         found["met"].all() and not found["met_best"].any() and set(found["best_model"]) == {"tree"}
     )
-    found = goal(made_up((0.4, 0.95), (0.3, 0.96), (0.5, 0.90)))
+    found = goal(made_up_curve((0.4, 0.95), (0.3, 0.96), (0.5, 0.90)))
     assert (
         not found["met"].any()
         and not found["met_best"].any()

@@ -16,38 +16,9 @@ from spab_core.design.model import reference_design
 from spab_core.linear_theory.linear_table import MESH, shipped_table
 from spab_core.linear_theory.whirl import whirl_thresholds
 from spab_core.maps.margin import against_linear, critical_masses, margin
-from spab_core.maps.stability_map import MapError, StabilityMap
+from spab_core.maps.stability_map import MapError
 from spab_core.shipped.manifest import load_reference_map
-
-KINDS = [
-    ("periodic", 1, "ok"),
-    ("periodic", 3, "ok"),
-    ("quasi-periodic", 0, "ok"),
-    ("chaotic", 0, "ok"),
-    ("", 0, "touchdown"),
-]
-
-
-def map_of(numbers, masses, codes):
-    """A map whose cells are KINDS[code]."""
-    codes = np.asarray(codes)
-    regime, period, status = (np.array(column)[codes] for column in zip(*KINDS, strict=True))
-    mle = np.where(regime == "", np.nan, np.where(regime == "chaotic", 0.3, -0.1))
-    zero = np.zeros(codes.shape)
-    return StabilityMap(
-        np.asarray(numbers, float),
-        np.asarray(masses, float),
-        mle,
-        zero,
-        regime,
-        period,
-        zero,
-        zero,
-        status,
-        zero.astype(int),
-        {"design": reference_design().to_dict()},
-    )
-
+from tests.maps import KINDS, map_of_regimes
 
 axes = some.lists(
     some.floats(0.05, 30.0), min_size=1, max_size=6, unique_by=lambda v: round(v, 3)
@@ -59,7 +30,7 @@ def maps_and_points(draw):
     numbers, masses = draw(axes), draw(axes)
     codes = [[draw(some.integers(0, len(KINDS) - 1)) for _ in masses] for _ in numbers]
     inside = [draw(some.floats(a[0], a[-1])) for a in (masses, numbers)]
-    return map_of(numbers, masses, codes), *inside
+    return map_of_regimes(numbers, masses, codes), *inside
 
 
 def boxes(m):
@@ -119,7 +90,7 @@ def test_margin_equals_brute_force(case):
 
 def test_words_of_a_stable_point():
     """Quasi-periodic up to 2 kg, periodic to 4, chaotic from 5; at 3 kg the next speed is chaotic."""
-    m = map_of([3.4, 3.5], [1, 2, 3, 4, 5, 6], [[2, 2, 0, 0, 3, 3], [2, 2, 3, 0, 3, 3]])
+    m = map_of_regimes([3.4, 3.5], [1, 2, 3, 4, 5, 6], [[2, 2, 0, 0, 3, 3], [2, 2, 3, 0, 3, 3]])
     found = margin(m, 3.1, 3.4)
     assert found.stable and found.here == "periodic-1"
     assert found.instability.mass_below.value == 2.5 and found.instability.mass_above.value == 4.5
@@ -142,7 +113,7 @@ def test_words_of_a_stable_point():
 
 
 def test_words_of_an_unstable_point():
-    m = map_of([3.0, 4.0], [1, 2, 3], [[4, 4, 0], [3, 3, 3]])
+    m = map_of_regimes([3.0, 4.0], [1, 2, 3], [[4, 4, 0], [3, 3, 3]])
     found = margin(m, 1.0, 3.0)
     assert not found.stable and found.headline().startswith(
         "Unstable here (touchdown): the nearest stable point is periodic-1"
@@ -161,7 +132,7 @@ def test_words_of_an_unstable_point():
     ],
 )
 def test_a_map_of_one_kind(code, words):
-    found = margin(map_of([1.0, 2.0], [1.0, 2.0], np.full((2, 2), code)), 1.5, 1.5)
+    found = margin(map_of_regimes([1.0, 2.0], [1.0, 2.0], np.full((2, 2), code)), 1.5, 1.5)
     assert found.headline() == words
     assert found.instability.both is None and "edge of the map" in found.sentences()[0]
 
@@ -185,9 +156,10 @@ def test_points_outside_the_map_are_refused(mass, number, words):
 
 def test_a_map_with_axes_that_fall_is_refused():
     with pytest.raises(MapError, match="do not rise"):
-        margin(map_of([2.0, 1.0], [1.0], [[0], [0]]), 1.0, 1.5)
+        margin(map_of_regimes([2.0, 1.0], [1.0], [[0], [0]]), 1.0, 1.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [3.0, 3.4])
 def test_the_table_knows_the_exact_linear_threshold(number):
     """Against the eigenvalues of the same system, bisected in the mass."""
@@ -200,7 +172,7 @@ def test_the_table_knows_the_exact_linear_threshold(number):
 
 def test_linear_theory_beside_a_map():
     """A light rotor at Lambda 4 is linearly unstable, a heavy one at Lambda 1 stable."""
-    m = map_of([1.0, 4.0], [2.0, 20.0], [[0, 3], [0, 1]])
+    m = map_of_regimes([1.0, 4.0], [2.0, 20.0], [[0, 3], [0, 1]])
     found = against_linear(m, shipped_table())
     assert (found.calm.share, found.locked.share, found.driven.share) == (0.25, 0.25, 0.25)
     assert found.calm.numbers == (4.0, 4.0) and found.calm.masses == (2.0, 2.0)

@@ -37,6 +37,7 @@ with tempfile.NamedTemporaryFile() as file:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="arenas are glibc's")
 def test_threads_share_two_arenas_once_the_server_has_asked():
     """Twelve threads that allocate at once: left alone they get arenas of their own, which is why

@@ -47,8 +47,7 @@ from spab_core.shipped.model_store import (
 )
 from spab_core.surrogates.models import MODELS, model
 from spab_core.surrogates.uncertainty import uncertain_map
-from tests.unit.test_surrogates import map_of, with_hole
-from tests.unit.test_uncertainty import striped_map
+from tests.maps import map_of, striped_map, with_hole
 
 TREE = model("tree")
 TREE_FILE = model_file(TREE, 2)

@@ -79,6 +79,7 @@ def test_no_gravity_has_a_plane_too():
     assert check_quick_map(*usual_plane(design), 60.0)[1][-1] > 1.0
 
 
+@pytest.mark.slow
 def test_on_a_cluster_the_same_cells_have_the_same_values(tmp_path, design, monkeypatch):
     monkeypatch.setitem(
         sys.modules, "__main__", types.ModuleType("__main__")

@@ -42,7 +42,7 @@ from spab_core.shipped.manifest import load_reference_map, load_reference_refine
 from spab_core.surrogates.metrics import regime_scores
 from spab_core.trajectory.point import solve_point
 from tests.conftest import ROOT
-from tests.unit.test_surrogates import map_of
+from tests.maps import map_of
 
 SHORT = Settings(mesh="6x24", transient=10, revolutions=30)
 NUMBERS, MASSES = np.linspace(2.0, 4.0, 8), np.linspace(3.0, 9.0, 9)

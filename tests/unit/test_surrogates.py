@@ -8,8 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from spab_core.common.errors import InputError
-from spab_core.design.model import reference_design
-from spab_core.maps.stability_map import StabilityMap
 from spab_core.surrogates.models import (
     MODELS,
     model,
@@ -18,40 +16,7 @@ from spab_core.surrogates.models import (
     train,
     training_mask,
 )
-from spab_core.trajectory.provenance import map_metadata
-from spab_core.trajectory.settings import Settings
-
-
-def map_of(function, rows=14, columns=18):
-    """A map whose exponent is ``function`` of bearing number and rotor mass."""
-    number, mass = np.linspace(0.5, 8.5, rows), np.linspace(1.0, 25.0, columns)
-    mle = np.asarray(function(*np.meshgrid(number, mass, indexing="ij")), float)
-    shape = mle.shape
-    metadata = map_metadata(reference_design(), Settings(), shape)
-    return StabilityMap(
-        number,
-        mass,
-        mle=mle,
-        mle_standard_error=np.full(shape, 1e-3),
-        regime=np.where(mle > 0.01, "chaotic", "periodic"),
-        period=np.where(mle > 0.01, 0, 1),
-        contact_share=np.zeros(shape),
-        max_eccentricity=np.full(shape, 0.5),
-        status=np.full(shape, "ok"),
-        revolutions=np.full(shape, 600),
-        metadata=metadata,
-    )
-
-
-def with_hole(m):
-    """The same map with a failed cell at (3, 4)."""
-    mle, regime, status = m.mle.copy(), m.regime.copy(), m.status.astype("<U16")
-    mle[3, 4], regime[3, 4], status[3, 4] = np.nan, "", "touchdown"
-    return dataclasses.replace(m, mle=mle, regime=regime, status=status)
-
-
-def plane(number, mass):
-    return 0.2 * number - 0.05 * mass - 0.4
+from tests.maps import map_of, plane, with_hole
 
 
 def test_the_papers_settings():
@@ -97,6 +62,7 @@ def test_interpolation_is_exact_on_a_plane_inside_the_hull(name):
     assert outside[0] == pytest.approx(plane(0.5, 25.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(MODELS))
 def test_every_model_predicts_the_solved_cells_of_a_map(name):
     m = with_hole(map_of(lambda number, mass: np.sin(number) * mass / 25.0))

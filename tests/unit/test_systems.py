@@ -25,7 +25,7 @@ from streamlit.testing.v1 import AppTest
 from spab_core.cli.dashboard import check_free
 from spab_core.common import private_folders as private_folder
 from spab_core.common.errors import InputError
-from spab_core.common.files import check_writable, write_atomically
+from spab_core.common.files import check_writable, csv_bytes, write_atomically
 from spab_core.common.npz import npz_bytes, open_npz
 from spab_core.design.model import design_toml, load_design, read_design_bytes
 from spab_core.jobs import store as jobs
@@ -372,7 +372,7 @@ def test_a_design_file_of_a_windows_editor_is_read(design):
 def test_tables_have_the_same_bytes_on_every_system(monkeypatch, tmp_path):
     shipped = (ARTIFACTS / SCORES).read_bytes()
     monkeypatch.setattr(os, "linesep", "\r\n")
-    assert b"\r" not in export.csv_bytes(pd.read_csv(io.BytesIO(shipped)))
+    assert b"\r" not in csv_bytes(pd.read_csv(io.BytesIO(shipped)))
     assert b"\r" not in shipped
 
 

@@ -9,6 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import spab_core
 
 # in a process of its own: an abort would take the test run with it, and no kernel is loaded yet
@@ -48,6 +50,7 @@ print("same bits")
 """
 
 
+@pytest.mark.slow
 def test_eight_threads_solve_different_points_to_the_same_bits():
     path = os.pathsep.join(
         [str(Path(spab_core.__file__).parent.parent), os.environ.get("PYTHONPATH", "")]

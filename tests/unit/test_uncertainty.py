@@ -23,25 +23,7 @@ from spab_core.surrogates.uncertainty import (
     uncertain_map,
 )
 from spab_core.trajectory.lyapunov import Exponent
-from tests.unit.test_surrogates import map_of, with_hole
-
-
-def striped_map(rows=40, columns=50, noise=0.1, seed=0):
-    """Periodic, quasi-periodic and chaotic stripes along a slanted line, exponents -0.5, 0, 0.3
-    with noise in chaos only.
-    """
-    m = map_of(lambda number, mass: number + mass / 3.0, rows, columns)
-    place = m.mle
-    regime = np.where(
-        place < 5.0, "periodic", np.where(place < 9.0, "quasi-periodic", "chaotic")
-    ).astype("<U14")
-    mle = np.where(place < 5.0, -0.5, np.where(place < 9.0, 0.0, 0.3))
-    mle += np.where(regime == "chaotic", noise, 1e-3) * np.random.default_rng(seed).standard_normal(
-        m.shape
-    )
-    return dataclasses.replace(
-        m, mle=mle, regime=regime, period=np.where(regime == "periodic", 1, 0)
-    )
+from tests.maps import map_of, striped_map, with_hole
 
 
 def test_the_classifier_finds_slanted_borders():
@@ -98,6 +80,7 @@ def test_f1_by_hand(pairs):
         assert found == pytest.approx(2.0 * precision * recall / (precision + recall))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["theory-trees", "forest"])
 def test_intervals_cover_what_they_promise(name):
     """Nine in ten, also within each regime, though noise is a hundred times larger in chaos."""
@@ -125,6 +108,7 @@ def test_intervals_cover_what_they_promise(name):
     assert narrow < 0.1 and 2 * 1.645 * 0.1 * 0.9 < wide < 2 * 1.645 * 0.1 * 1.7
 
 
+@pytest.mark.slow
 def test_probability_of_instability_is_calibrated():
     """Labels drawn with a known probability, from sure to sure: no forest tells a cell's, but what
     is told holds on average.
