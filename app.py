@@ -2,9 +2,10 @@
 solved live beside it.
 """
 
+import plotly.graph_objects as go
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
-from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.design.model import reference_design
 from spab_core.maps.stability_map import map_bytes
 from spab_core.plotting.map import HEIGHT, LAYERS, SURROGATE
@@ -14,6 +15,7 @@ from spab_core.reporting.export import map_netcdf, map_table
 from spab_core.surrogates.models import MODELS
 from spab_core.ui.clicks import clickable, mark_place
 from spab_core.ui.downloads import downloads
+from spab_core.ui.point_bar import point_bar
 from spab_core.ui.shared import (
     HOME,
     errors_in_words,
@@ -27,15 +29,15 @@ from spab_core.ui.shared import (
 )
 from spab_core.ui.solving import LIVE, live_point
 from spab_core.ui.still import listen_still, plotly_wanted, show_still
+from spab_core.ui.verdict import point_numbers, point_verdict
 from spab_core.ui.view import (
     chosen_design,
+    chosen_point,
     design_option,
-    design_words,
     is_reference,
     point_options,
     set_design,
     set_point,
-    set_speed,
 )
 
 ORBIT_HEIGHT = 250  # pixels
@@ -51,19 +53,12 @@ with errors_in_words():
     m = reference_map()
 
 state, design = st.session_state, chosen_design()
+mass, number = chosen_point()
 
 
-def _clicked(number, mass):
-    set_point(mass, number)
+def _clicked(bearing_number: float, rotor_mass: float) -> None:
+    set_point(rotor_mass, bearing_number)
 
-
-def _typed_speed():
-    if state["rpm"] is not None:  # an emptied field keeps the speed
-        set_speed(design, state["rotor_mass"], state["rpm"])
-
-
-slowest, fastest = (design.speed_rpm(b) for b in BEARING_NUMBER_RANGE)
-state["rpm"] = min(max(design.speed_rpm(state["bearing_number"]), slowest), fastest)
 
 charted = "map_click" in state  # by this page's last run: the browser has both charts
 left, right = st.columns([1.15, 1], gap="medium")
@@ -76,7 +71,7 @@ with left:
     )
     model, divisor, draw = state["model"], state["divisor"], int(state["draw"])
     with errors_in_words():
-        shown, place = (layer, model, divisor, draw), (state["bearing_number"], state["rotor_mass"])
+        shown, place = (layer, model, divisor, draw), (number, mass)
         if plotly_wanted():
             place = mark_place("map", shown, place)
         picture = map_still(*shown)
@@ -98,121 +93,82 @@ with left:
     st.caption(f"Where map and linear theory disagree. {linear_words()}")
 
 
-def _point():
-    """Words and numbers of the operating point; returns where the figure of its orbits goes, and
-    it.
+def _margin() -> None:
+    """The margin of the point in the shipped map; with another design, the ways to one."""
+    if is_reference():
+        with errors_in_words():
+            st.markdown(map_margin(mass, number))
+        return
+    st.info(
+        "The map is of the reference bearing. The point is solved with your own design, whose "
+        "margin takes a map of its own."
+    )
+    with st.container(horizontal=True):
+        st.button(
+            "Use the reference bearing",
+            on_click=set_design,
+            args=(reference_design(),),
+            key="use_reference",
+        )
+        page_link("My_bearing", "My bearing")
+        page_link("My_map", "My map: the map of your own design")
+
+
+def _command() -> str:
+    """The commands that give the same as this page."""
+    b0, b1, m0, m1 = (float(v) for v in (*m.bearing_number[[0, -1]], *m.rotor_mass[[0, -1]]))
+    command = (f"spab margin {point_options()}\n" if is_reference() else "") + (
+        f"spab simulate {point_options()}{design_option()} --transient {LIVE.transient} "
+        f"--revolutions {LIVE.revolutions}\n"
+        f"spab map --bearing-number {b0:g}:{b1:g}:{m.shape[0]} --rotor-mass "
+        f"{m0:g}:{m1:g}:{m.shape[1]} --out map.npz\n"
+        "spab export map.npz --out map.nc"
+    )
+    if layer == SURROGATE:
+        command += (
+            f"\nspab predict --model {model} --divisor {divisor} --seed {draw} --out predicted.npz"
+        )
+    return command
+
+
+def _point() -> tuple[DeltaGenerator, go.Figure] | None:
+    """Words and numbers of the operating point.
+
+    Returns the place of the figure of its orbits, and the figure; None where it is not solved.
     """
-    st.markdown(f"#### Operating point, {design_words()}")
-    a, b, c = st.columns(3)
-    a.number_input(
-        "Rotor mass, kg",
-        *ROTOR_MASS_RANGE,
-        None,
-        key="rotor_mass",
-        step=0.1,
-        format="%.3f",
-        help="Whole rotor mass that one bearing carries",
-    )
-    b.number_input(
-        "Bearing number Λ",
-        *BEARING_NUMBER_RANGE,
-        None,
-        key="bearing_number",
-        step=0.05,
-        format="%.3f",
-        help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless",
-    )
-    c.number_input(
-        "Shaft speed, rpm",
-        slowest,
-        fastest,
-        None,
-        key="rpm",
-        step=100.0,
-        format="%.0f",
-        on_change=_typed_speed,
-        help="The same as Λ, of the chosen design",
-    )
-    mass, number = state["rotor_mass"], state["bearing_number"]
+    st.markdown("#### Operating point")
+    point_bar("stretch")
     verdict, row, words = st.container(key="verdict"), st.empty(), st.container()
     numbers, place = row.container(key="point_row").columns(
         [1, 1.7], gap="small", vertical_alignment="center"
     )
-    numbers = numbers.container(key="point_numbers")
-    if is_reference():
-        with words, errors_in_words():
-            st.markdown(map_margin(mass, number))
-    else:
-        words.info(
-            "The map is of the reference bearing; the point is solved with your own design, whose "
-            "margin no map tells "
-            "yet."
-        )
-        with words.container(horizontal=True):
-            st.button(
-                "Use the reference bearing",
-                on_click=set_design,
-                args=(reference_design(),),
-                key="use_reference",
-            )
-            page_link("My_bearing", "My bearing")
-            page_link("My_map", "My map: the map of your own design")
+    with words:
+        _margin()
     with verdict, errors_in_words():
         point = live_point(design, mass, number)
-    if point is None:
-        row.empty()
-        return None
-    verdict_box = {"periodic": verdict.success, "quasi-periodic": verdict.warning}.get(
-        point.regime.name if point.regime else "", verdict.error
-    )
-    verdict_box(point.verdict())
-    if point.mle:
-        error = point.mle.standard_error
-        numbers.metric(
-            "MLE per revolution",
-            f"{point.mle.value:+.3f} ± {f'{error:.3f}' if error >= 0.0005 else '<0.001'}",
-            help="Maximum Lyapunov exponent, natural logarithm, ± its standard error: below zero "
-            "periodic, zero "
-            "quasi-periodic, above zero chaotic",
-        )
-        numbers.metric(
-            "Max. eccentricity",
-            f"{point.max_eccentricity:.3f}",
-            help="Largest of the journal, over the clearance",
-        )
-        numbers.metric(
-            "Time in contact",
-            f"{100 * point.contact_share:.1f} %",
-            help="Share of the time with a film under a tenth of the clearance",
-        )
+        if point is None:
+            row.empty()
+            return None
+        point_verdict(point)
+    with numbers.container(key="point_numbers"):
+        for label, value, text in point_numbers(point)[:3]:
+            st.metric(label, value, help=text)
     orbit = orbit_figure(point).update_layout(height=ORBIT_HEIGHT, margin_t=30, legend_y=-0.3)
     with st.container(horizontal=True, vertical_alignment="center"):
         page_link("Operating_point", "Operating point: section, spectrum, film")
-        b0, b1, m0, m1 = (float(v) for v in (*m.bearing_number[[0, -1]], *m.rotor_mass[[0, -1]]))
-        command = (f"spab margin {point_options()}\n" if is_reference() else "") + (
-            f"spab simulate {point_options()}{design_option()} --transient {LIVE.transient} "
-            f"--revolutions {LIVE.revolutions}\n"
-            f"spab map --bearing-number {b0:g}:{b1:g}:{m.shape[0]} --rotor-mass "
-            f"{m0:g}:{m1:g}:{m.shape[1]} --out map.npz\n"
-            "spab export map.npz --out map.nc"
-        )
-        if layer == SURROGATE:
-            command += f"\nspab predict --model {model} --divisor {divisor} --seed {draw} --out predicted.npz"
-
         # not the page's own figure: its mark may stand where it was before a click (mark_place)
         downloads(
             "stability_map",
             {"Map": lambda: marked_map_figure((number, mass), *shown), "Orbit": orbit},
             {"Map": lambda: map_table(m)},
             {"npz": lambda: map_bytes(m), "nc": lambda: map_netcdf(m)},
-            command,
+            _command(),
         )
     t = point.trajectory
+    settled = ", settled on a periodic orbit" if t.settled else ""
     st.caption(
-        f"Solved live: {t.completed} revolutions from "
-        f"rest{', settled on a periodic orbit' if t.settled else ''}, "
-        f"{t.wall_seconds:.2f} s on {point.settings.mesh} film nodes, at Λ {number:.4g} and "
-        f"{mass:.4g} kg."
+        f"Solved live: {t.completed} revolutions from rest{settled}, {t.wall_seconds:.2f} s on "
+        f"{point.settings.mesh} film nodes, at Λ {number:.4g} and {mass:.4g} kg."
     )
     return place, orbit
 

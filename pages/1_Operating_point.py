@@ -4,18 +4,22 @@ reference bearing if wanted.
 
 from functools import partial
 
+import plotly.graph_objects as go
 import streamlit as st
 
-from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.design.model import reference_design
 from spab_core.plotting import point as draw
+from spab_core.trajectory.point import OperatingPoint
 from spab_core.ui import point as ui
+from spab_core.ui.design_form import design_popover
 from spab_core.ui.downloads import downloads
+from spab_core.ui.point_bar import point_bar
 from spab_core.ui.shared import errors_in_words, page_head
 from spab_core.ui.view import (
     POINT_TABS,
     SAME,
     chosen_design,
+    chosen_point,
     design_option,
     design_words,
     is_reference,
@@ -25,32 +29,14 @@ from spab_core.ui.view import (
 page_head("operating point")
 state = st.session_state
 
-head = st.container()
-a, b, c, d, e, f = st.columns([1, 1, 0.8, 0.8, 1.6, 0.8], vertical_alignment="bottom")
-a.number_input(
-    "Bearing number Λ",
-    *BEARING_NUMBER_RANGE,
-    None,
-    key="bearing_number",
-    step=0.05,
-    format="%.3f",
-    help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless",
-)
-b.number_input(
-    "Rotor mass, kg",
-    *ROTOR_MASS_RANGE,
-    None,
-    key="rotor_mass",
-    step=0.1,
-    format="%.3f",
-    help="Whole rotor mass that one bearing carries",
-)
-with c.popover("Design", icon=":material/tune:", width="stretch"):
-    ui.design_controls()
-with d.popover("Solver", icon=":material/memory:", width="stretch"):
-    ui.solver_controls()
+st.markdown("#### Operating point")
+row = point_bar()
+with row:
+    design_popover()
+    with st.popover("Solver", icon=":material/memory:"):
+        ui.solver_controls()
 compare = (
-    e.toggle(
+    row.toggle(
         "Compare with the reference bearing",
         key="compare",
         disabled=is_reference() and not state["compare"],
@@ -59,18 +45,15 @@ compare = (
     and not is_reference()
 )
 
-design, mass, number = chosen_design(), float(state["rotor_mass"]), float(state["bearing_number"])
-head.markdown(
-    f"#### Operating point: Λ {number:.3f}, {design.speed_rpm(number):,.0f} rpm, {mass:.2f} kg, "
-    f"{design_words()}"
-)
+files = row.container()
+design, (mass, number) = chosen_design(), chosen_point()
 with errors_in_words():
     settings = ui.chosen_settings()
 
 sides = [(design, number, design_words(), "own")]
 if compare:
     usual = reference_design()
-    same = e.segmented_control(
+    same = row.segmented_control(
         "At the same",
         SAME,
         key="same",
@@ -100,7 +83,7 @@ LOW = {
 }  # pixels: with two designs side by side the page has a title and an axis more
 
 
-def show(name: str, figure, key: str) -> None:
+def show(name: str, figure: go.Figure, key: str) -> None:
     # given here, not to the figure: that of the film is everybody's
     height = min(figure.layout.height, LOW.get(name, 380)) if compare else "content"
     st.plotly_chart(
@@ -108,7 +91,7 @@ def show(name: str, figure, key: str) -> None:
     )
 
 
-def overview(point, key: str) -> None:
+def overview(point: OperatingPoint, key: str) -> None:
     tall = {"height": 300 if compare else 420}
     orbit = draw.orbit_figure(point, ui.run_up_of(point)).update_layout(tall)
     if point.mle is None:
@@ -123,7 +106,7 @@ def overview(point, key: str) -> None:
         show("section", draw.section_figure(point).update_layout(tall), key)
 
 
-def tab_content(name: str, point, key: str) -> None:
+def tab_content(name: str, point: OperatingPoint, key: str) -> None:
     if name == "Overview":
         overview(point, key)
     elif point.mle is None:
@@ -149,7 +132,7 @@ def tab_content(name: str, point, key: str) -> None:
             st.caption(ui.strongest_lines(point))
 
 
-def film(point, key: str) -> None:
+def film(point: OperatingPoint, key: str) -> None:
     show("film", ui.film_of(point, colour), key)
     b = point.design.bearing
     wider = draw.FILM_SHARE * b.radius / b.clearance
@@ -188,16 +171,16 @@ if shown:
         "unbalance rise over 30."
     )
 
-with f:
+with files:
     first = points[0]
-    figures, tables, files = {}, {}, {}
+    figures, tables, data = {}, {}, {}
     for p, key in shown:
         figures |= {
             f"{title}{' reference' if key == 'reference' else ''}": make
             for title, make in ui.figures_of(p).items()
         }
     if first is not None:
-        tables, files = (
+        tables, data = (
             {"Orbit": partial(ui.orbit_table, first)},
             {"npz": partial(ui.point_npz, first)},
         )
@@ -205,6 +188,6 @@ with f:
         "point",
         figures,
         tables,
-        files,
+        data,
         ui.simulate_command(design_option(), point_options(), settings),
     )

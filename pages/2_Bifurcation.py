@@ -13,8 +13,9 @@ from spab_core.trajectory.expected_time import expected_seconds
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.lines import done_with_more, line_command, line_of_job, line_view, shipped_line
 from spab_core.ui.point import chosen_settings, duration, solver_controls
+from spab_core.ui.point_bar import point_bar
 from spab_core.ui.shared import errors_in_words, page_head, reference_map
-from spab_core.ui.view import LINES, VIEW, chosen_design, design_option, design_words, is_reference
+from spab_core.ui.view import LINES, VIEW, chosen_design, chosen_point, design_option, is_reference
 
 page_head("bifurcation")
 state = st.session_state
@@ -27,7 +28,7 @@ if (
     state["line"] = "rotor-mass"  # who comes with a point of their own wants the line through it
 
 
-def _chosen():
+def _chosen() -> None:
     state["line_chosen"] = True
 
 
@@ -70,7 +71,7 @@ coordinates, sweeps = (
     [k for k in COORDINATES if k in coordinates],
     [k for k in SWEEPS if k in sweeps],
 )
-mass, number = state["rotor_mass"], state["bearing_number"]
+mass, number = chosen_point()
 
 if kind == "paper":
     for column, name in zip(st.columns(2, gap="medium"), BIFURCATIONS, strict=True):
@@ -104,27 +105,7 @@ over_mass = kind == "rotor-mass"
 along, limits, unit = (
     ("mass", ROTOR_MASS_RANGE, "kg") if over_mass else ("number", BEARING_NUMBER_RANGE, "Λ")
 )
-row = st.container(horizontal=True, vertical_alignment="bottom")
-number = row.number_input(
-    "Bearing number Λ",
-    *BEARING_NUMBER_RANGE,
-    None,
-    key="bearing_number",
-    step=0.05,
-    format="%.3f",
-    help="Of the chosen point, the same on every page",
-    width=160,
-)
-mass = row.number_input(
-    "Rotor mass, kg",
-    *ROTOR_MASS_RANGE,
-    None,
-    key="rotor_mass",
-    step=0.1,
-    format="%.3f",
-    help="Of the chosen point, on one bearing",
-    width=160,
-)
+row = point_bar()
 start = row.number_input(
     f"From, {unit}", *limits, None, key=f"{along}_from", step=0.1, format="%.3f", width=160
 )
@@ -166,7 +147,7 @@ with errors_in_words():
             coordinates,
             sweeps,
             value,
-            f"{title}, {design_words()}",
+            title,
             name="bifurcation",
             file=job.result,
             command=line_command(line, sweeps, design_option()),

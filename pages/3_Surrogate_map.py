@@ -14,6 +14,7 @@ from spab_core.surrogates.metrics import errors, uncertainty_scores
 from spab_core.surrogates.models import DIVISORS, MODELS
 from spab_core.surrogates.ranking import comparison_words, error_by_regime
 from spab_core.surrogates.uncertainty import reliability
+from spab_core.trajectory.regimes import REGIMES
 from spab_core.ui.clicks import clickable, mark_place
 from spab_core.ui.downloads import downloads
 from spab_core.ui.jobs import job_panel
@@ -41,11 +42,11 @@ def _chosen_cell() -> tuple[int, int]:
     return m.nearest(state["rotor_mass"], state["bearing_number"])
 
 
-def _compare():
+def _compare() -> None:
     state["beside"] = True
 
 
-def _clicked(number, mass):
+def _clicked(number: float, mass: float) -> None:
     set_point(mass, number)
     _compare()
 
@@ -214,9 +215,7 @@ elif state["sure"]:
         "Coverage of 90 % intervals",
         f"{scores['coverage']:.1%}",
         help="Share of held-out cells inside; "
-        + ", ".join(
-            f"{r} {scores[f'coverage_{r}']:.1%}" for r in ("periodic", "quasi-periodic", "chaotic")
-        ),
+        + ", ".join(f"{r} {scores[f'coverage_{r}']:.1%}" for r in REGIMES),
     )
     cells[3].metric(
         "Median width", f"{scores['width']:.3f}", help="Of the intervals, per revolution"

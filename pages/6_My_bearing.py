@@ -9,36 +9,37 @@ from spab_core.linear_theory.coefficients import LEAST_STABLE, NAMES
 from spab_core.linear_theory.summary import Derived
 from spab_core.plotting.bearing import coefficient_figure
 from spab_core.ui.bearing import coefficient_downloads, derived_now, over_speed, over_whirl
-from spab_core.ui.design_form import design_form
+from spab_core.ui.design_form import design_fields, design_files
+from spab_core.ui.point_bar import point_bar
 from spab_core.ui.shared import errors_in_words, page_head
 from spab_core.ui.solving import waits_for_compiler
-from spab_core.ui.view import AGAINST, chosen_design, design_option, point_options
+from spab_core.ui.verdict import stability_box, verdict_box
+from spab_core.ui.view import AGAINST, chosen_design, chosen_point, design_option, point_options
 
 page_head("my bearing")
 
 
 def verdict(found: Derived) -> None:
     """Whether the rotor rests on its film, in a sentence."""
+    whirl = found.whirl
     if found.status != "ok":
-        st.error(f"{found.status[0].upper()}{found.status[1:]}.")
-    elif found.whirl is None:
-        st.success(
-            "Stable at rest: every disturbance dies away without whirling (linear theory, no "
-            "unbalance)."
-        )
-    elif found.whirl.stable:
-        st.success(
-            f"Stable at rest: the least stable whirl, {found.whirl.speed_rpm:,.0f} a minute, "
-            "decays by "
-            f"{-found.whirl.growth:.3g} per revolution (linear theory, no unbalance)."
+        verdict_box(f"{found.status[0].upper()}{found.status[1:]}.", "")
+    elif whirl is None:
+        stability_box("Stable at rest: every disturbance dies away without whirling.", True)
+    elif whirl.stable:
+        stability_box(
+            f"Stable at rest: the least stable whirl, {whirl.speed_rpm:,.0f} a minute, decays by "
+            f"{-whirl.growth:.3g} per revolution.",
+            True,
         )
     else:
-        st.error(
-            f"Unstable at rest: a whirl of {found.whirl.speed_rpm:,.0f} a minute grows by "
-            f"{found.whirl.growth:.3g} per "
-            "revolution (linear theory, no unbalance). What it grows into, the operating point's "
-            "orbit shows."
+        stability_box(
+            f"Unstable at rest: a whirl of {whirl.speed_rpm:,.0f} a minute grows by "
+            f"{whirl.growth:.3g} per revolution. The page Operating point shows the orbit it grows "
+            "into.",
+            False,
         )
+    st.caption("Linear theory around the static equilibrium, without unbalance.")
 
 
 def numbers(found: Derived) -> None:
@@ -94,12 +95,10 @@ def rows(found: Derived) -> pd.DataFrame:
 st.markdown("#### My bearing")
 left, right = st.columns([1, 1.35], gap="large")
 with left:
-    design_form()
-design, mass, number = (
-    chosen_design(),
-    st.session_state["rotor_mass"],
-    st.session_state["bearing_number"],
-)
+    design_files()
+    point_bar("stretch")
+    design_fields()
+design, (mass, number) = chosen_design(), chosen_point()
 with right:
     if waits_for_compiler(design, mass, number, linear=True):
         st.stop()

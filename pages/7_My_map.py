@@ -5,19 +5,22 @@ elsewhere; margin and report.
 import streamlit as st
 
 from spab_core.active_learning.quick_map import check_cluster, check_quick_map, usual_plane
-from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.reporting.export import browser_path, map_table
 from spab_core.reporting.report import report_html, report_pdf
+from spab_core.trajectory.regimes import REGIMES
 from spab_core.ui import own_map
 from spab_core.ui.clicks import clickable, mark_place
 from spab_core.ui.downloads import downloads
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.own_report import report_page
+from spab_core.ui.point_bar import point_bar
 from spab_core.ui.shared import errors_in_words, page_head
+from spab_core.ui.verdict import stability_box
 from spab_core.ui.view import (
     OWN_LAYERS,
     OWN_MINUTES,
     chosen_design,
+    chosen_point,
     design_option,
     design_words,
     set_point,
@@ -72,8 +75,8 @@ with errors_in_words():
     }
 
 
-def _clicked(number, mass):
-    set_point(mass, number)
+def _clicked(bearing_number: float, rotor_mass: float) -> None:
+    set_point(rotor_mass, bearing_number)
     state["own_clicked"] = True
 
 
@@ -116,24 +119,14 @@ with left:
 if found:
     refined, m = found
     with right:
-        at = own_map.margin_in_map(m, state["rotor_mass"], state["bearing_number"])
-        a, b = st.columns(2)
-        a.number_input(
-            "Bearing number Λ",
-            *BEARING_NUMBER_RANGE,
-            None,
-            key="bearing_number",
-            step=0.05,
-            format="%.4g",
-        )
-        b.number_input(
-            "Rotor mass, kg", *ROTOR_MASS_RANGE, None, key="rotor_mass", step=0.1, format="%.4g"
-        )
+        point_bar("stretch")
+        rotor_mass, bearing_number = chosen_point()
+        at = own_map.margin_in_map(m, rotor_mass, bearing_number)
         if at is None:
             st.warning("The chosen point lies outside this map.")
         else:
-            (st.success if at.stable else st.error)(at.headline())
-            cell = m.nearest(state["rotor_mass"], state["bearing_number"])
+            stability_box(at.headline(), at.stable)
+            cell = m.nearest(rotor_mass, bearing_number)
             if not refined.solved[cell]:
                 st.caption(
                     f"The cell of this point is predicted, not solved: probability of instability "
@@ -147,7 +140,7 @@ if found:
             f"{int(refined.solved.sum()):,}",
             help=f"Of {refined.batch.size:,}; the rest predicted",
         )
-        for cell, name in zip(cells[1:], ("periodic", "quasi-periodic", "chaotic"), strict=True):
+        for cell, name in zip(cells[1:], REGIMES, strict=True):
             cell.metric(
                 name.capitalize(),
                 f"{100 * share.get(name, 0.0):.1f} %",
@@ -159,11 +152,7 @@ if found:
         with actions:
             downloads(
                 "my_map",
-                {
-                    "Map": own_map.own_figure(
-                        found, layer, state["bearing_number"], state["rotor_mass"]
-                    )
-                },
+                {"Map": own_map.own_figure(found, layer, bearing_number, rotor_mass)},
                 {"Cells": lambda: map_table(m)},
                 {"npz": job.result.read_bytes},
                 own_map.map_command(design_option(), number, mass, minutes),
@@ -173,8 +162,8 @@ if found:
                     design,
                     found,
                     at,
-                    state["rotor_mass"],
-                    state["bearing_number"],
+                    rotor_mass,
+                    bearing_number,
                     number,
                     mass,
                     minutes,
@@ -213,8 +202,8 @@ if found and saved:
                     own_map.own_figure(
                         own_map.published(which),
                         layer,
-                        state["bearing_number"],
-                        state["rotor_mass"],
+                        bearing_number,
+                        rotor_mass,
                     ),
                     key=f"compared_{which.id}",
                     width="stretch",

@@ -1,62 +1,45 @@
 """What if: how the margin moves with the drawing, what a run-up crosses, two designs side by side."""
 
+import math
+
 import pandas as pd
 import streamlit as st
 
-from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.design.limits import BEARING_NUMBER_RANGE
 from spab_core.design.model import read_design_bytes
 from spab_core.design.presets import PRESETS
 from spab_core.linear_theory.summary import derive
-from spab_core.maps.sensitivity import AXES, STEPS, load_sensitivity, regime_intervals
+from spab_core.maps.sensitivity import AXES, STEPS, Margin, load_sensitivity, regime_intervals
 from spab_core.plotting.point import orbit_figure
 from spab_core.plotting.sensitivity import run_up_figure, tornado_figure
 from spab_core.ui.downloads import downloads
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.lines import line_command, line_of_job
+from spab_core.ui.point_bar import point_bar
 from spab_core.ui.shared import digits, errors_in_words, page_head
 from spab_core.ui.solving import live_point
+from spab_core.ui.verdict import point_verdict, stability_box
 from spab_core.ui.view import (
     SCANS,
     SPEEDS,
     WHAT_TABS,
     chosen_design,
+    chosen_point,
     design_option,
-    design_words,
     show_usual,
 )
 
 page_head("what if")
-design, state = chosen_design(), st.session_state
-st.markdown(f"#### What if: {design_words()}")
-row = st.container(horizontal=True, vertical_alignment="bottom")
-number = row.number_input(
-    "Bearing number Λ",
-    *BEARING_NUMBER_RANGE,
-    None,
-    key="bearing_number",
-    step=0.05,
-    format="%.3f",
-    width=160,
-    help="Of the chosen point, the same on every page",
-)
-mass = row.number_input(
-    "Rotor mass, kg",
-    *ROTOR_MASS_RANGE,
-    None,
-    key="rotor_mass",
-    step=0.1,
-    format="%.3f",
-    width=160,
-    help="Of the chosen point, on one bearing",
-)
+st.markdown("#### What if")
+point_bar()
+design, (mass, number) = chosen_design(), chosen_point()
 rpm = design.speed_rpm(number)
-row.markdown(
-    f"at **{rpm:,.0f} rpm**: the machine keeps its mass and speed when its bearing changes"
-)
+st.caption("The machine keeps its mass and speed when its bearing changes.")
 drawing, run_up, two = st.tabs(WHAT_TABS, key="what_tab", on_change="rerun")
 
 
 def change_the_drawing() -> None:
+    """How the margin moves with each value of the drawing."""
     row = st.container(horizontal=True, vertical_alignment="bottom")
     axis = row.segmented_control("Margin in", AXES, key="what_axis", required=True)
     step = row.number_input(
@@ -90,43 +73,44 @@ def change_the_drawing() -> None:
             "sensitivity", asked, "Compute the sensitivity (up to a minute)", "what_job"
         )
         if job:
-            base, table = load_sensitivity(job.result)
-            unit = "rpm" if axis == "speed" else "kg"
-            sides = [
-                f"{word} {digits(value)} {unit}"
-                for word, value in (("down to", base.below), ("up to", base.above))
-                if value == value
-            ]
-            where = f"{'Stable' if base.stable else 'Unstable'} at {digits(base.at)} {unit}"
-            sought = f"from {digits(base.low)} to {digits(base.high)} {unit}."
-            (st.success if base.stable else st.error)(
-                f"{where}, {' and '.join(sides)}; sought {sought}"
-                if sides
-                else f"{where} and everywhere {sought}"
-            )
-            figure = tornado_figure(base, table)
-            st.plotly_chart(figure, key="tornado", width="stretch")
-            shown = table.assign(
-                factor=100.0 * (table["factor"] - 1.0),
-                distance=100.0 * table["distance"],
-                change=100.0 * table["change"],
-            )
-            st.dataframe(
-                shown,
-                hide_index=True,
-                column_config={
-                    "factor": st.column_config.NumberColumn("change, %", format="%+.0f"),
-                    "stable": "stable here",
-                    "below": st.column_config.NumberColumn(f"border below, {unit}", format="%.4g"),
-                    "above": st.column_config.NumberColumn(f"border above, {unit}", format="%.4g"),
-                    "distance": st.column_config.NumberColumn("margin, %", format="%.1f"),
-                    "change": st.column_config.NumberColumn("its change, %", format="%+.1f"),
-                },
-            )
-            downloads("what_if", {"Tornado": figure}, {"Sensitivity": lambda: table})
+            show_sensitivity(*load_sensitivity(job.result))
+
+
+def show_sensitivity(base: Margin, table: pd.DataFrame) -> None:
+    """The margin in words, its changes as a figure and a table."""
+    unit = "rpm" if base.axis == "speed" else "kg"
+    sides = [
+        f"{word} {digits(value)} {unit}"
+        for word, value in (("down to", base.below), ("up to", base.above))
+        if not math.isnan(value)
+    ]
+    where = f"{'Stable' if base.stable else 'Unstable'} at {digits(base.at)} {unit}"
+    sought = f"from {digits(base.low)} to {digits(base.high)} {unit}."
+    words = f"{where}, {' and '.join(sides)}; sought {sought}"
+    stability_box(words if sides else f"{where} and everywhere {sought}", base.stable)
+    figure = tornado_figure(base, table)
+    st.plotly_chart(figure, key="tornado", width="stretch")
+    st.dataframe(
+        table.assign(
+            factor=100.0 * (table["factor"] - 1.0),
+            distance=100.0 * table["distance"],
+            change=100.0 * table["change"],
+        ),
+        hide_index=True,
+        column_config={
+            "factor": st.column_config.NumberColumn("change, %", format="%+.0f"),
+            "stable": "stable here",
+            "below": st.column_config.NumberColumn(f"border below, {unit}", format="%.4g"),
+            "above": st.column_config.NumberColumn(f"border above, {unit}", format="%.4g"),
+            "distance": st.column_config.NumberColumn("margin, %", format="%.1f"),
+            "change": st.column_config.NumberColumn("its change, %", format="%+.1f"),
+        },
+    )
+    downloads("what_if", {"Tornado": figure}, {"Sensitivity": lambda: table})
 
 
 def run_the_machine_up() -> None:
+    """What a slow run-up of the machine crosses."""
     row = st.container(horizontal=True, vertical_alignment="bottom")
     low, high = (design.speed_rpm(limit) for limit in BEARING_NUMBER_RANGE)
     first, last = (
@@ -184,6 +168,7 @@ def run_the_machine_up() -> None:
 
 
 def two_designs() -> None:
+    """The design beside another one at the same mass and speed."""
     row = st.container(horizontal=True, vertical_alignment="bottom")
     name = row.selectbox(
         "Compare with",
@@ -207,9 +192,7 @@ def two_designs() -> None:
                 point = live_point(one, mass, at)
                 if point is None:
                     continue
-                (st.success if point.regime and point.regime.name == "periodic" else st.error)(
-                    point.verdict()
-                )
+                point_verdict(point)
                 st.plotly_chart(orbit_figure(point), key=f"two_{len(records)}", width="stretch")
                 numbers = {
                     name: value

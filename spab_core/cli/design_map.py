@@ -26,7 +26,7 @@ from spab_core.common.files import check_output
 from spab_core.common.validation import check_number
 from spab_core.design.model import Design
 from spab_core.maps.stability_map import save_map
-from spab_core.trajectory.regimes import REGIMES
+from spab_core.trajectory.regimes import NO_EXPONENT, REGIMES
 
 
 def add_map_options(parser: Parser) -> None:
@@ -109,5 +109,5 @@ def design_map(args: Namespace, design: Design) -> Answer:
         "solved": solved,
         "bearing_number": axes[0],
         "rotor_mass": axes[1],
-        "shares": {name or "failed": s for name, s in shares.items()},
+        "shares": {name or NO_EXPONENT: s for name, s in shares.items()},
     }

@@ -4,7 +4,6 @@ margin, export.
 
 from __future__ import annotations
 
-import math
 from argparse import Namespace
 from collections import Counter
 from collections.abc import Callable
@@ -17,6 +16,7 @@ from spab_core.cli.options import Answer, Commands
 from spab_core.cli.progress import resumable, say_compiling
 from spab_core.common.errors import InputError
 from spab_core.common.files import check_output, csv_bytes, write_atomically
+from spab_core.common.units import from_rpm
 from spab_core.common.validation import check_number
 from spab_core.design.limits import BEARING_NUMBER_RANGE
 from spab_core.maps.bifurcation import (
@@ -161,7 +161,7 @@ def _margin(args: Namespace) -> Answer:
     if number is None:
         low, high = (m.design.speed_rpm(b) for b in BEARING_NUMBER_RANGE)
         check_number("--rpm", args.rpm, low, high, "rpm")
-        number = m.design.bearing_number(args.rpm * math.pi / 30.0)
+        number = m.design.bearing_number(from_rpm(args.rpm))
     found = margin(m, args.rotor_mass, number)
     if not args.json:
         print(

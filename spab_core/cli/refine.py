@@ -23,6 +23,7 @@ from spab_core.design.model import Design
 from spab_core.linear_theory.linear_table import PLANE, LinearTable, shipped_table, table_for
 from spab_core.maps.stability_map import axis, check_plane, load_map
 from spab_core.trajectory.provenance import map_metadata
+from spab_core.trajectory.regimes import NO_EXPONENT
 
 _SHOWN = 5  # suggestions printed; the file holds all
 
@@ -161,7 +162,7 @@ def _answer(args: Namespace, result: Refinement, found: dict[str, float | None])
     solved = int(result.solved.sum())
     failed = int((result.values["status"][result.solved] != "ok").sum())
     names = [name for name in LABELS if (result.regime == name).any()]
-    regimes = {name or "no exponent": int((result.regime == name).sum()) for name in names}
+    regimes = {name or NO_EXPONENT: int((result.regime == name).sum()) for name in names}
     suggested = result.suggestions()
     if not args.json:
         without = f", {failed:,} without an exponent" if failed else ""
@@ -188,7 +189,7 @@ def _answer(args: Namespace, result: Refinement, found: dict[str, float | None])
             print(
                 f"solve next: bearing number {row.bearing_number:g} ({row.speed_rpm:,.0f} rpm), "
                 f"rotor mass {row.rotor_mass_kg:g} kg: {row.in_doubt} in doubt, "
-                f"{row.predicted_regime or 'no exponent'} with MLE "
+                f"{row.predicted_regime or NO_EXPONENT} with MLE "
                 f"{row.predicted_mle:+.3f} ± {row.deviation:.3f} expected"
             )
     return {

@@ -3,6 +3,7 @@
 Module               What it answers
 -------------------  ----------------------------------------
 errors               InputError: what is wrong with an input, in a sentence
+units                Shaft speeds in rad/s and rpm
 validation           Numbers that a person gave, checked against their range
 files                Files written whole or not at all; CSV
 arrays               What each kind of NPZ file must hold: a schema, checked on loading

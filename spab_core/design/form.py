@@ -1,9 +1,9 @@
 """The design as a form: one schema of every design value in the units of a drawing, with an exact
 way there and back.
 
-Label, symbol, form unit and group stand here; meaning, SI unit and allowed range are those of the
-dataclass fields in :mod:`spab_core.design.model`. A form unit is a power of ten of the SI unit, so
-that a number of up to 15 digits keeps its digits both ways: the decimal point alone moves."""
+Labels, units and allowed ranges are declared with the dataclass fields in
+:mod:`spab_core.design.model`. A form unit is a power of ten of the SI unit, so that a number of up
+to 15 digits keeps its digits both ways: the decimal point alone moves."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 
 from spab_core.common.errors import DesignError
+from spab_core.common.units import from_rpm
 from spab_core.common.validation import check_number
 from spab_core.design.limits import BEARING_NUMBER_RANGE
 from spab_core.design.model import Bearing, Contact, Design, Gas, Rotor
@@ -68,24 +69,6 @@ class FormField:
 
 
 GROUPS = {"Bearing": Bearing, "Gas": Gas, "Rotor": Rotor, "Contact": Contact}
-_SHOWN = {  # name: label, symbol, form unit, power of ten of one form unit in SI
-    "bearing__radius": ("Sphere radius", "R", "mm", -3),
-    "bearing__clearance": ("Radial clearance", "C", "µm", -6),
-    "bearing__edge_latitude": ("Edge latitude", "λ_e", "°", 0),
-    "bearing__permeability": ("Wall permeability", "κ", "10⁻¹⁵ m²", -15),
-    "bearing__wall_thickness": ("Wall thickness", "H_p", "mm", -3),
-    "bearing__supply_pressure_ratio": ("Supply pressure, absolute", "p_s", "bar", 5),
-    "gas__viscosity": ("Viscosity", "μ", "µPa s", -6),
-    "gas__ambient_pressure": ("Ambient pressure", "p_a", "bar", 5),
-    "rotor__shaft_stiffness": ("Shaft stiffness", "K_s", "N/µm", 6),
-    "rotor__journal_mass_fraction": ("Journal's share of the mass", "μ_j", "%", -2),
-    "rotor__unbalance_eccentricity": ("Unbalance eccentricity", "e_u", "µm", -6),
-    "rotor__gravity": ("Gravity", "g", "m/s²", 0),
-    "contact__force_at_closure": ("Contact force at closure", "f₀", "p_a R²", 0),
-    "contact__roughness": ("Roughness length", "s", "C", 0),
-    "contact__friction": ("Friction coefficient", "μ_f", "", 0),
-    "contact__damping": ("Contact damping", "d", "", 0),
-}
 _OVER_AMBIENT, AMBIENT = "bearing__supply_pressure_ratio", "gas__ambient_pressure"
 
 
@@ -99,7 +82,7 @@ def _fields() -> dict[str, FormField]:
     for group, section in GROUPS.items():
         for f in dataclasses.fields(section):
             name, m = f"{group.lower()}__{f.name}", f.metadata
-            label, symbol, unit, power = _SHOWN[name]
+            label, symbol, unit, power = m["form"]
             over_ambient = name == _OVER_AMBIENT
             low, high = (m[k] if over_ambient else _shift(m[k], -power) for k in ("low", "high"))
             shown = f"{low:g} to {high:g}" + (f" {unit}" if unit and not over_ambient else "")
@@ -221,7 +204,7 @@ def eccentricity_of_grade(grade: float, speed_rpm: float, journal_mass_fraction:
     """
     check_number("balance quality grade G", grade, *GRADE_RANGE, "mm/s")
     check_number("speed of the grade", speed_rpm, 1.0, 1e7, "rpm")
-    return 1e-3 * grade / (speed_rpm * math.pi / 30.0) / (1.0 - journal_mass_fraction)
+    return 1e-3 * grade / from_rpm(speed_rpm) / (1.0 - journal_mass_fraction)
 
 
 def grade_of_eccentricity(
@@ -230,7 +213,7 @@ def grade_of_eccentricity(
     """Balance quality grade G in mm/s of an eccentricity in m: the inverse of
     :func:`eccentricity_of_grade`.
     """
-    return 1e3 * eccentricity * (1.0 - journal_mass_fraction) * (speed_rpm * math.pi / 30.0)
+    return 1e3 * eccentricity * (1.0 - journal_mass_fraction) * from_rpm(speed_rpm)
 
 
 def bearing_number_of(
@@ -248,7 +231,5 @@ def bearing_number_of(
     if speed_rpm is None:
         return check_number("bearing number", bearing_number, *BEARING_NUMBER_RANGE)
     low, high = (design.speed_rpm(limit) for limit in BEARING_NUMBER_RANGE)
-    number = design.bearing_number(
-        check_number("speed", speed_rpm, low, high, "rpm") * math.pi / 30.0
-    )
+    number = design.bearing_number(from_rpm(check_number("speed", speed_rpm, low, high, "rpm")))
     return min(max(number, BEARING_NUMBER_RANGE[0]), BEARING_NUMBER_RANGE[1])

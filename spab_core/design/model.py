@@ -14,19 +14,34 @@ import tomllib
 from dataclasses import dataclass, field, fields
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 from spab_core.common.errors import DesignError, InputError
 from spab_core.common.files import write_atomically
+from spab_core.common.units import to_rpm
 from spab_core.common.validation import check_number
 
 MAX_FEEDING_NUMBER = 1e6  # far below, the wall holds the whole film at the supply pressure
 
 
-def _number(default, unit, low, high, text, *, infinite=False, open_low=False):
+def _number(
+    form: tuple[str, str, str, int],
+    default: float,
+    unit: str,
+    low: float,
+    high: float,
+    text: str,
+    *,
+    infinite: bool = False,
+    open_low: bool = False,
+) -> Any:
     """A dataclass field with its unit and allowed range, read by :meth:`_Checked.__post_init__` and
-    by forms.
+    by :mod:`spab_core.design.form`.
+
+    ``form``: label, symbol, form unit, and the power of ten that is one form unit in SI.
     """
     metadata = {
+        "form": form,
         "unit": unit,
         "low": low,
         "high": high,
@@ -62,13 +77,33 @@ class Bearing(_Checked):
     carbon or bronze of 1 to 20 mm with permeabilities of 1e-16 to 1e-12 m2, feeding numbers of 0.01
     to 1e4."""
 
-    radius: float = _number(0.060, "m", 1e-3, 1.0, "sphere radius R")
-    clearance: float = _number(35e-6, "m", 1e-6, 1e-3, "radial clearance C")
-    edge_latitude: float = _number(30.0, "deg", 1.0, 89.5, "latitude of the open edges")
-    permeability: float = _number(1.44e-15, "m2", 0.0, 1e-11, "permeability of the porous wall")
-    wall_thickness: float = _number(4.5e-3, "m", 1e-4, 0.1, "thickness of the porous wall")
+    radius: float = _number(
+        ("Sphere radius", "R", "mm", -3), 0.060, "m", 1e-3, 1.0, "sphere radius R"
+    )
+    clearance: float = _number(
+        ("Radial clearance", "C", "µm", -6), 35e-6, "m", 1e-6, 1e-3, "radial clearance C"
+    )
+    edge_latitude: float = _number(
+        ("Edge latitude", "λ_e", "°", 0), 30.0, "deg", 1.0, 89.5, "latitude of the open edges"
+    )
+    permeability: float = _number(
+        ("Wall permeability", "κ", "10⁻¹⁵ m²", -15),
+        1.44e-15,
+        "m2",
+        0.0,
+        1e-11,
+        "permeability of the porous wall",
+    )
+    wall_thickness: float = _number(
+        ("Wall thickness", "H_p", "mm", -3), 4.5e-3, "m", 1e-4, 0.1, "thickness of the porous wall"
+    )
     supply_pressure_ratio: float = _number(
-        1.0, "", 0.1, 100.0, "supply pressure over ambient (1: open to ambient)"
+        ("Supply pressure, absolute", "p_s", "bar", 5),
+        1.0,
+        "",
+        0.1,
+        100.0,
+        "supply pressure over ambient (1: open to ambient)",
     )
 
     def __post_init__(self):
@@ -98,8 +133,12 @@ class Bearing(_Checked):
 class Gas(_Checked):
     """The isothermal ideal gas around the bearing."""
 
-    viscosity: float = _number(1.85e-5, "Pa s", 1e-6, 1e-3, "dynamic viscosity")
-    ambient_pressure: float = _number(101325.0, "Pa", 1e3, 1e8, "ambient pressure p_a")
+    viscosity: float = _number(
+        ("Viscosity", "μ", "µPa s", -6), 1.85e-5, "Pa s", 1e-6, 1e-3, "dynamic viscosity"
+    )
+    ambient_pressure: float = _number(
+        ("Ambient pressure", "p_a", "bar", 5), 101325.0, "Pa", 1e3, 1e8, "ambient pressure p_a"
+    )
 
 
 @dataclass(frozen=True)
@@ -107,25 +146,66 @@ class Rotor(_Checked):
     """Disc and journal on an elastic shaft; the rotor mass itself is an operating parameter."""
 
     shaft_stiffness: float = _number(
-        5.0e7, "N/m", 1e3, 1e12, "shaft stiffness (inf: rigid rotor)", infinite=True
+        ("Shaft stiffness", "K_s", "N/µm", 6),
+        5.0e7,
+        "N/m",
+        1e3,
+        1e12,
+        "shaft stiffness (inf: rigid rotor)",
+        infinite=True,
     )
     journal_mass_fraction: float = _number(
-        0.2, "", 0.01, 0.99, "share of the rotor mass that rides in the journal"
+        ("Journal's share of the mass", "μ_j", "%", -2),
+        0.2,
+        "",
+        0.01,
+        0.99,
+        "share of the rotor mass that rides in the journal",
     )
     unbalance_eccentricity: float = _number(
-        13e-6, "m", 0.0, 1e-3, "eccentricity of the disc's mass centre"
+        ("Unbalance eccentricity", "e_u", "µm", -6),
+        13e-6,
+        "m",
+        0.0,
+        1e-3,
+        "eccentricity of the disc's mass centre",
     )
-    gravity: float = _number(9.81, "m/s2", 0.0, 1e3, "gravity, along -Y")
+    gravity: float = _number(
+        ("Gravity", "g", "m/s²", 0), 9.81, "m/s2", 0.0, 1e3, "gravity, along -Y"
+    )
 
 
 @dataclass(frozen=True)
 class Contact(_Checked):
     """Exponential asperity law of the wall."""
 
-    force_at_closure: float = _number(100.0, "", 0.0, 1e6, "contact force at e = 1, over p_a R2")
-    roughness: float = _number(0.02, "", 1e-3, 0.1, "roughness length over the clearance")
-    friction: float = _number(0.1, "", 0.0, 2.0, "friction coefficient")
-    damping: float = _number(0.5, "", 0.0, 100.0, "contact damping, per dimensionless radial speed")
+    force_at_closure: float = _number(
+        ("Contact force at closure", "f₀", "p_a R²", 0),
+        100.0,
+        "",
+        0.0,
+        1e6,
+        "contact force at e = 1, over p_a R2",
+    )
+    roughness: float = _number(
+        ("Roughness length", "s", "C", 0),
+        0.02,
+        "",
+        1e-3,
+        0.1,
+        "roughness length over the clearance",
+    )
+    friction: float = _number(
+        ("Friction coefficient", "μ_f", "", 0), 0.1, "", 0.0, 2.0, "friction coefficient"
+    )
+    damping: float = _number(
+        ("Contact damping", "d", "", 0),
+        0.5,
+        "",
+        0.0,
+        100.0,
+        "contact damping, per dimensionless radial speed",
+    )
 
     def __post_init__(self):
         super().__post_init__()
@@ -196,7 +276,7 @@ class Design:
 
     def speed_rpm(self, bearing_number: float) -> float:
         """Shaft speed in revolutions per minute."""
-        return self.speed(bearing_number) * 30.0 / math.pi
+        return to_rpm(self.speed(bearing_number))
 
     def bearing_number(self, speed: float) -> float:
         """Bearing number Lambda at the shaft speed omega in rad/s."""

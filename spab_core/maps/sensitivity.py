@@ -21,11 +21,13 @@ import pandas as pd
 from spab_core.common.errors import InputError
 from spab_core.common.files import write_atomically
 from spab_core.common.npz import UNREADABLE
+from spab_core.common.units import from_rpm
 from spab_core.common.validation import check_number
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, check_point
 from spab_core.design.model import Design
 from spab_core.maps.parallel import cluster_or_processes
 from spab_core.trajectory.point import solve_point
+from spab_core.trajectory.regimes import NO_EXPONENT
 from spab_core.trajectory.settings import Settings
 
 SETTINGS = Settings(transient=200, revolutions=200)
@@ -102,7 +104,7 @@ def is_stable(
 
 
 def _number(design: Design, speed_rpm: float) -> float:
-    return design.bearing_number(speed_rpm * np.pi / 30.0)
+    return design.bearing_number(from_rpm(speed_rpm))
 
 
 def check_margin(
@@ -351,7 +353,7 @@ def regime_intervals(values: np.ndarray, regime: Sequence[str]) -> pd.DataFrame:
     last = np.append(first[1:], len(names)) - 1
     return pd.DataFrame(
         {
-            "regime": [names[k] or "failed" for k in first],
+            "regime": [names[k] or NO_EXPONENT for k in first],
             "start": [float(values[k]) for k in first],
             "stop": [float(values[k]) for k in last[: len(first)]],
             "points": (last[: len(first)] - first + 1),

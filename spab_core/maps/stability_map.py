@@ -18,7 +18,7 @@ from spab_core.common.npz import npz_bytes
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
 from spab_core.solver.stepping import STATUS
-from spab_core.trajectory.regimes import MAX_PERIOD, REGIMES, Regime
+from spab_core.trajectory.regimes import MAX_PERIOD, NO_EXPONENT, REGIMES, Regime
 
 MAX_CELLS = 2_000_000
 _CELL = ("bearing_number", "rotor_mass")
@@ -113,7 +113,7 @@ class StabilityMap:
     def cell_text(self, row: int, column: int) -> str:
         """Describe a cell in words: regime with period and exponent, or the status of a failed run."""
         if not self.regime[row, column]:
-            return f"no exponent ({self.status[row, column]})"
+            return f"{NO_EXPONENT} ({self.status[row, column]})"
         name = Regime(str(self.regime[row, column]), int(self.period[row, column])).text
         return (
             f"{name}, MLE {self.mle[row, column]:+.3f} ± {self.mle_standard_error[row, column]:.3f}"

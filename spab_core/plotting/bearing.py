@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from spab_core.common.units import to_rpm
 from spab_core.linear_theory.coefficients import NAMES, Coefficients
 from spab_core.plotting.theme import DISC, JOURNAL, NEUTRAL, SECTION
 
@@ -31,7 +30,7 @@ def coefficient_figure(found: Coefficients, axis: str, mark: float | None = None
         Value on that axis where a line is drawn, if it is in range: the rotor's own whirl, or its
         speed.
     """
-    x = found.whirl_ratio if axis == "frequency" else found.speed * 30.0 / math.pi
+    x = found.whirl_ratio if axis == "frequency" else to_rpm(found.speed)
     figure = make_subplots(
         1, 2, subplot_titles=("Stiffness k, N/m", "Damping c, N s/m"), horizontal_spacing=0.12
     )

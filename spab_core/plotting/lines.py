@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -10,13 +11,22 @@ from plotly.subplots import make_subplots
 
 from spab_core.design.model import Design
 from spab_core.maps.bifurcation import Bifurcation, chaotic_intervals
-from spab_core.plotting.theme import BEARING_NUMBER_LABEL, JOURNAL, MASS_LABEL, NEUTRAL, SECTION
+from spab_core.plotting.theme import (
+    BEARING_NUMBER_LABEL,
+    CHOSEN,
+    GREEN,
+    JOURNAL,
+    MASS_LABEL,
+    NEUTRAL,
+    REGIME_COLOURS,
+    SECTION,
+)
 
 COORDINATES = ("X2", "Y2", "X1", "Y1")  # of the journal, of the disc; the columns of Branch.section
 SWEEP_COLOURS = {"cold": NEUTRAL, "up": JOURNAL, "down": SECTION}
-_CHAOTIC = "#CC79A7"
 _LINE_LABELS = {"rotor-mass": MASS_LABEL, "bearing-number": BEARING_NUMBER_LABEL}
 _SUBSCRIPT = str.maketrans("12", "₁₂")
+_ALL_PANELS: dict[str, Any] = {"xref": "x", "yref": "paper", "y0": 0, "y1": 1}
 _MLE_ROOM = (-1.0, 0.6)  # per revolution; strongly damped points lie below
 
 
@@ -55,97 +65,31 @@ def bifurcation_figure(
         row_heights=[*[(1 - height) / max(rows - 1, 1)] * (rows - 1), height],
     )
     speed = Design.from_dict(line.metadata["design"]).speed_rpm(1.0)
-    over_speed = line.vary == "bearing-number"
-    where = "Λ %{x:.4g} (%{customdata:,.0f} rpm)" if over_speed else "%{x:.4g} kg"
+    over_speed, legend = line.vary == "bearing-number", len(shown) > 1
     for name in shown:
-        branch, colour = line.branches[name], SWEEP_COLOURS[name]
-        for row, coordinate in enumerate(coordinates, 1):
-            x, y = _points(line.values, branch.section[:, :, COORDINATES.index(coordinate)])
-            figure.add_scattergl(
-                x=x,
-                y=y,
-                name=name,
-                legendgroup=name,
-                showlegend=row == 1,
-                mode="markers",
-                row=row,
-                col=1,
-                marker={"color": colour, "size": 2.5 if len(line.values) > 150 else 4},
-                hovertemplate="%{x:.4g}: %{y:.4f}<extra></extra>",
-            )
-        figure.add_scatter(
-            x=line.values.astype(np.float32),
-            y=branch.mle.astype(np.float32),
-            mode="lines",
-            name=name,
-            legendgroup=name,
-            showlegend=rows == 1,
-            line={"color": colour, "width": 1},
-            row=rows,
-            col=1,
-            customdata=(speed * line.values).astype(np.float32),
-            text=branch.regime,
-            hovertemplate=f"{where}<br>%{{text}}, MLE %{{y:+.3f}}<extra>{name}</extra>",
-        )
-        figure.update_yaxes(title="MLE<br>per revolution", range=_MLE_ROOM, row=rows, col=1)
+        _add_sweep(figure, line, name, coordinates, speed)
+    _title_axes(figure, line, coordinates)
     step = float(np.diff(line.values).min()) if len(line.values) > 1 else 0.0
     low, high = float(line.values.min()) - step, float(line.values.max()) + step
     figure.add_hline(y=0, line={"color": NEUTRAL, "dash": "dash", "width": 1}, row=rows, col=1)
-    shapes = list(figure.layout.shapes)
-    for start, stop in (
-        chaotic_intervals(line.values, line.branches[shown[0]].regime) if shown else []
-    ):
-        shapes.append(
-            {
-                "type": "rect",
-                "xref": "x",
-                "yref": "paper",
-                "x0": start - step / 2,
-                "x1": stop + step / 2,
-                "y0": 0,
-                "y1": 1,
-                "fillcolor": _CHAOTIC,
-                "opacity": 0.25,
-                "line_width": 0,
-                "layer": "below",
-            }
-        )
+    if shown:
+        for start, stop in chaotic_intervals(line.values, line.branches[shown[0]].regime):
+            figure.add_shape(
+                type="rect",
+                x0=start - step / 2,
+                x1=stop + step / 2,
+                fillcolor=REGIME_COLOURS["chaotic"],
+                opacity=0.25,
+                line_width=0,
+                layer="below",
+                **_ALL_PANELS,
+            )
     if mark is not None and low <= mark <= high:
-        shapes.append(
-            {
-                "type": "line",
-                "xref": "x",
-                "yref": "paper",
-                "x0": mark,
-                "x1": mark,
-                "y0": 0,
-                "y1": 1,
-                "line": {"color": "#009E73", "width": 2, "dash": "dot"},
-            }
-        )
-        figure.add_annotation(
-            x=mark,
-            xref="x",
-            y=0,
-            yref="paper",
-            yanchor="bottom",
-            xanchor="left",
-            text="chosen point",
-            showarrow=False,
-            font={"color": "#009E73", "size": 12},
-        )
+        _add_mark(figure, mark)
     figure.update_xaxes(range=[low, high])
-    figure.update_xaxes(title=_LINE_LABELS[line.vary], row=rows, col=1)
-    for row, coordinate in enumerate(coordinates, 1):
-        body = "journal" if coordinate.endswith("2") else "disc"
-        figure.update_yaxes(
-            title=f"{coordinate.translate(_SUBSCRIPT)} / C ({body})", row=row, col=1
-        )
     if over_speed:
         _rpm_axis(figure, low, high, speed)
-    legend = len(shown) > 1
     return figure.update_layout(
-        shapes=shapes,
         height=620,
         showlegend=legend,
         margin={"l": 70, "r": 10, "t": 10 + 45 * over_speed + 25 * legend, "b": 45},
@@ -157,6 +101,74 @@ def bifurcation_figure(
             "x": 0,
             "itemsizing": "constant",
         },
+    )
+
+
+def _add_sweep(
+    figure: go.Figure, line: Bifurcation, name: str, coordinates: Sequence[str], speed: float
+) -> None:
+    """Add one sweep: its section points in each panel, its exponent in the last.
+
+    ``speed``: in rpm, at the bearing number 1.
+    """
+    branch, colour, last = line.branches[name], SWEEP_COLOURS[name], len(coordinates) + 1
+    for row, coordinate in enumerate(coordinates, 1):
+        x, y = _points(line.values, branch.section[:, :, COORDINATES.index(coordinate)])
+        figure.add_scattergl(
+            x=x,
+            y=y,
+            name=name,
+            legendgroup=name,
+            showlegend=row == 1,
+            mode="markers",
+            row=row,
+            col=1,
+            marker={"color": colour, "size": 2.5 if len(line.values) > 150 else 4},
+            hovertemplate="%{x:.4g}: %{y:.4f}<extra></extra>",
+        )
+    over_speed = line.vary == "bearing-number"
+    where = "Λ %{x:.4g} (%{customdata:,.0f} rpm)" if over_speed else "%{x:.4g} kg"
+    figure.add_scatter(
+        x=line.values.astype(np.float32),
+        y=branch.mle.astype(np.float32),
+        mode="lines",
+        name=name,
+        legendgroup=name,
+        showlegend=last == 1,
+        line={"color": colour, "width": 1},
+        row=last,
+        col=1,
+        customdata=(speed * line.values).astype(np.float32),
+        text=branch.regime,
+        hovertemplate=f"{where}<br>%{{text}}, MLE %{{y:+.3f}}<extra>{name}</extra>",
+    )
+
+
+def _title_axes(figure: go.Figure, line: Bifurcation, coordinates: Sequence[str]) -> None:
+    """Name the axes of all panels."""
+    last = len(coordinates) + 1
+    for row, coordinate in enumerate(coordinates, 1):
+        body = "journal" if coordinate.endswith("2") else "disc"
+        title = f"{coordinate.translate(_SUBSCRIPT)} / C ({body})"
+        figure.update_yaxes(title=title, row=row, col=1)
+    figure.update_yaxes(title="MLE<br>per revolution", range=_MLE_ROOM, row=last, col=1)
+    figure.update_xaxes(title=_LINE_LABELS[line.vary], row=last, col=1)
+
+
+def _add_mark(figure: go.Figure, value: float) -> None:
+    """Mark the chosen point by a vertical line through all panels."""
+    style = {"color": GREEN, "width": 2, "dash": "dot"}
+    figure.add_shape(type="line", x0=value, x1=value, line=style, **_ALL_PANELS)
+    figure.add_annotation(
+        x=value,
+        xref="x",
+        y=0,
+        yref="paper",
+        yanchor="bottom",
+        xanchor="left",
+        text=CHOSEN,
+        showarrow=False,
+        font={"color": GREEN, "size": 12},
     )
 
 

@@ -4,6 +4,9 @@ layer that answers clicks.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any
+
 import numpy as np
 import plotly.graph_objects as go
 from contourpy import contour_generator
@@ -11,32 +14,36 @@ from scipy.ndimage import gaussian_filter
 
 from spab_core.linear_theory.linear_table import LinearTable
 from spab_core.maps.stability_map import StabilityMap
-from spab_core.plotting.theme import BEARING_NUMBER_LABEL, CHOSEN, MASS_LABEL, MLE_LIMIT
+from spab_core.plotting.theme import (
+    BEARING_NUMBER_LABEL,
+    CHOSEN,
+    MASS_LABEL,
+    MLE_LIMIT,
+    PERIOD_COLOURS,
+    REGIME_COLOURS,
+    class_layer,
+)
 from spab_core.surrogates.models import PredictedMap
-from spab_core.trajectory.regimes import Regime
+from spab_core.trajectory.regimes import NO_EXPONENT, REGIMES, Regime
 
 LAYERS = ("MLE", "Regime", "Contact share", "Largest eccentricity", "Surrogate prediction")
 SURROGATE = LAYERS[-1]
 HEIGHT = 560  # pixels
-_REGIMES = (  # label, colour, whether (regime, period) belongs
-    ("periodic-1", "#56B4E9", lambda r, p: (r == "periodic") & (p == 1)),
-    ("periodic-2", "#0072B2", lambda r, p: (r == "periodic") & (p == 2)),
-    ("periodic-3 and more", "#00334d", lambda r, p: (r == "periodic") & (p > 2)),
-    ("quasi-periodic", "#F0E442", lambda r, p: r == "quasi-periodic"),
-    ("chaotic", "#D55E00", lambda r, p: r == "chaotic"),
-    ("no exponent (run failed)", "#999999", lambda r, p: r == ""),
-)
 _SMOOTHED = 1.2  # cells: chaos in single cells leaves no island in the border
 
 
-def hover(m: StabilityMap, own: str | None) -> dict:
+def hover(m: StabilityMap, own: str | None) -> dict[str, Any]:
     """Options of a map's heatmap: what stands under the pointer.
 
     Regime and exponent of the solver, and the template ``own`` of the layer's number z; None where
     z is the exponent."""
     cells = list(zip(*(a.T.ravel().tolist() for a in (m.regime, m.period, m.status)), strict=True))
-    names = {(r, p, s): Regime(r, p).text if r else f"no exponent ({s})" for r, p, s in set(cells)}
-    told: dict = {"text": np.array([names[c] for c in cells], object).reshape(m.shape[::-1])}
+    names = {
+        (r, p, s): Regime(r, p).text if r else f"{NO_EXPONENT} ({s})" for r, p, s in set(cells)
+    }
+    told: dict[str, Any] = {
+        "text": np.array([names[c] for c in cells], object).reshape(m.shape[::-1])
+    }
     if own is not None:
         told["customdata"] = m.mle.T.astype(np.float32)
     mle = "%{z:+.3f}" if own is None else f"%{{customdata:+.3f}}{own}"
@@ -46,8 +53,12 @@ def hover(m: StabilityMap, own: str | None) -> dict:
     }
 
 
-def _layer(m: StabilityMap, layer: str, predicted: PredictedMap | None) -> dict:
-    """The heatmap's values and colours, apart from those of the regimes."""
+def _layer(
+    figure: go.Figure, m: StabilityMap, layer: str, predicted: PredictedMap | None
+) -> dict[str, Any]:
+    """Return values and colours of a layer's heatmap; regimes go into the figure's legend."""
+    if layer == "Regime":
+        return hover(m, "") | class_layer(figure, _classes(m))
     bar = {"thickness": 12, "len": 1.0, "title_side": "right", "xpad": 4}
     if layer == "Contact share":
         return hover(m, "<br>contact %{z:.1f} % of the time") | {
@@ -82,39 +93,27 @@ def _layer(m: StabilityMap, layer: str, predicted: PredictedMap | None) -> dict:
     }
 
 
-def _add_layer(
-    figure: go.Figure, m: StabilityMap, layer: str, predicted: PredictedMap | None
+def _classes(m: StabilityMap) -> Iterator[tuple[str, str, np.ndarray]]:
+    """Label, colour and cells of each regime; periodic motion by its period."""
+    periodic = m.regime == "periodic"
+    periods = (m.period == 1, m.period == 2, m.period > 2)
+    labels = ("periodic-1", "periodic-2", "periodic-3 and more")
+    for label, colour, mask in zip(labels, PERIOD_COLOURS, periods, strict=True):
+        yield label, colour, periodic & mask
+    for regime in REGIMES[1:]:
+        yield regime, REGIME_COLOURS[regime], m.regime == regime
+    yield f"{NO_EXPONENT} (run failed)", REGIME_COLOURS[""], m.regime == ""
+
+
+def _add_line(
+    figure: go.Figure,
+    name: str,
+    x: np.ndarray,
+    y: np.ndarray,
+    z: np.ndarray,
+    level: float,
+    dash: str,
 ) -> None:
-    if layer == "Regime":
-        code, scale = np.full(m.shape, np.nan), []
-        for k, (label, colour, belongs) in enumerate(_REGIMES):
-            mask = belongs(m.regime, m.period)
-            code[mask] = k
-            scale += [(k / len(_REGIMES), colour), ((k + 1) / len(_REGIMES), colour)]
-            if mask.any():
-                figure.add_scatter(
-                    x=[None],
-                    y=[None],
-                    mode="markers",
-                    name=label,
-                    showlegend=True,
-                    marker={"color": colour, "size": 11, "symbol": "square"},
-                )
-        shown: dict = hover(m, "") | {
-            "z": code,
-            "zmin": -0.5,
-            "zmax": len(_REGIMES) - 0.5,
-            "colorscale": scale,
-            "showscale": False,
-        }
-    else:
-        shown = _layer(m, layer, predicted)
-    figure.add_heatmap(
-        x=m.bearing_number, y=m.rotor_mass, **shown | {"z": shown["z"].T.astype(np.float32)}
-    )
-
-
-def _add_line(figure: go.Figure, name: str, x, y, z, level: float, dash: str) -> None:
     """A level of z (x, y) as a black line on a white one, to be seen on every colour; found here,
     not in the browser.
     """
@@ -161,7 +160,10 @@ def map_figure(
         One heatmap, whose hover tells a cell; the second horizontal axis is the shaft speed.
     """
     figure = go.Figure()
-    _add_layer(figure, m, layer, predicted)
+    shown = _layer(figure, m, layer, predicted)
+    figure.add_heatmap(
+        x=m.bearing_number, y=m.rotor_mass, **shown | {"z": shown["z"].T.astype(np.float32)}
+    )
     chaos = gaussian_filter((m.regime == "chaotic").astype(float), _SMOOTHED, mode="nearest")
     _add_line(figure, "border of chaos", m.bearing_number, m.rotor_mass, chaos, 0.5, "solid")
     if table is not None:
@@ -224,7 +226,7 @@ def _span(axis: np.ndarray) -> list[float]:
     return [float(axis[0]) - half, float(axis[-1]) + half]
 
 
-def mark_trace(bearing_number: float, rotor_mass: float, **options) -> dict:
+def mark_trace(bearing_number: float, rotor_mass: float, **options: Any) -> dict[str, Any]:
     """A cross at an operating point (rotor mass in kg), as a trace's dictionary."""
     return {
         "type": "scatter",

@@ -4,13 +4,15 @@ forces.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from spab_core.plotting.theme import DISC, JOURNAL, NEUTRAL, SECTION
+from spab_core.plotting.theme import DISC, GREEN, JOURNAL, NEUTRAL, PINK, SECTION
 from spab_core.trajectory.point import OperatingPoint
-from spab_core.trajectory.revolution import FORCES, Revolution, forces, surface
+from spab_core.trajectory.revolution import FORCES, Revolution, Surface, forces, surface
 from spab_core.trajectory.spectrum import Spectrum
 
 QUANTITIES = ("Pressure", "Film thickness")  # that may colour the film
@@ -21,13 +23,13 @@ _COLOURS = {
     "film": JOURNAL,
     "contact": SECTION,
     "unbalance": DISC,
-    "gravity": "#009E73",
-    "shaft": "#CC79A7",
+    "gravity": GREEN,
+    "shaft": PINK,
 }
 _TITLE = {"font_size": 14}
 
 
-def _square(figure, title, reach=1.08):
+def _square(figure: go.Figure, title: str, reach: float = 1.08) -> go.Figure:
     circle = np.linspace(0, 2 * np.pi, 181)
     figure.add_scatter(
         x=np.cos(circle),
@@ -53,7 +55,7 @@ def _square(figure, title, reach=1.08):
     return figure
 
 
-def _reach(*paths):
+def _reach(*paths: np.ndarray) -> float:
     """Half width of a square that holds the clearance circle and all positions in (n, >= 4) states."""
     return max([1.08, *(1.05 * float(np.abs(p[:, :4]).max()) for p in paths if len(p))])
 
@@ -101,7 +103,7 @@ def orbit_figure(point: OperatingPoint, run_up: np.ndarray | None = None) -> go.
     return _square(figure, title, _reach(path, early))
 
 
-def _section(figure, point, size):
+def _section(figure: go.Figure, point: OperatingPoint, size: int) -> None:
     section = point.trajectory.section[-_MAX_SECTION:]
     figure.add_scatter(
         x=section[:, 0],
@@ -219,7 +221,7 @@ def spectrum_figure(
     figure, top = go.Figure(), 0.0
     for (name, s), colour, dash in zip(
         spectra.items(),
-        (JOURNAL, SECTION, DISC, "#009E73"),
+        (JOURNAL, SECTION, DISC, GREEN),
         ("solid", "dot", "solid", "dot"),
         strict=False,
     ):
@@ -355,6 +357,14 @@ def _wall(edge: float) -> dict[str, np.ndarray]:
     return dict(zip("xyz", (p.astype(np.float32) for p in points), strict=True))
 
 
+def _sphere(film: Surface, radius: float | np.ndarray) -> dict[str, np.ndarray]:
+    """Points of the band, flat, at a radius for all or one for each of (azimuths, latitudes)."""
+    cos, sin = np.cos(film.azimuth)[:, None], np.sin(film.azimuth)[:, None]
+    across, up = np.cos(film.latitude), np.sin(film.latitude)
+    points = np.broadcast_arrays(radius * across * cos, radius * across * sin, radius * up)
+    return dict(zip("xyz", (a.ravel().astype(np.float32) for a in points), strict=True))
+
+
 def film_figure(revolution: Revolution, colour: str = "Pressure") -> go.Figure:
     """The journal's surface within the band over one revolution, 24 frames; the gap is drawn a few
     hundred times wider.
@@ -368,75 +378,44 @@ def film_figure(revolution: Revolution, colour: str = "Pressure") -> go.Figure:
     """
     film, d = surface(revolution), revolution.design
     if colour == QUANTITIES[0]:
-        values, unit = 1e-3 * d.gas.ambient_pressure * (film.pressure - 1.0), "kPa"
+        values, quantity, unit = (
+            1e-3 * d.gas.ambient_pressure * (film.pressure - 1.0),
+            "gauge pressure",
+            "kPa",
+        )
         limit = float(np.abs(values).max())
         scale = {"colorscale": "RdBu_r", "cmin": -limit, "cmax": limit}
     else:
-        values, unit = 1e6 * d.bearing.clearance * film.thickness, "µm"
+        values, quantity, unit = 1e6 * d.bearing.clearance * film.thickness, "thickness", "µm"
         scale = {"colorscale": "Cividis", "cmin": 0.0, "cmax": float(values.max())}
-    cos, sin = np.cos(film.azimuth)[:, None], np.sin(film.azimuth)[:, None]
-    across, up = np.cos(film.latitude), np.sin(film.latitude)
 
-    def sphere(r):
-        points = np.broadcast_arrays(r * across * cos, r * across * sin, r * up)
-        return dict(zip("xyz", (a.ravel().astype(np.float32) for a in points), strict=True))
-
-    def journal(k):
-        return sphere(1.0 - FILM_SHARE * film.thickness[k]) | {
+    def journal(k: int) -> dict[str, np.ndarray]:
+        return _sphere(film, 1.0 - FILM_SHARE * film.thickness[k]) | {
             "intensity": values[k].ravel().astype(np.float32)
         }
 
-    corners = _triangles(len(film.azimuth), len(film.latitude))
-    bar = {
-        "title": f"{'gauge pressure' if unit == 'kPa' else 'thickness'}, {unit}",
-        "thickness": 12,
-        "len": 0.8,
-        "x": 1.0,
-        "title_side": "right",
-    }
-    light = {"ambient": 0.85, "diffuse": 0.3, "specular": 0.05}
     first = go.Mesh3d(
         **journal(0),
-        **corners,
+        **_triangles(len(film.azimuth), len(film.latitude)),
         **scale,
         name="journal",
-        colorbar=bar,
-        lighting=light,
+        colorbar={
+            "title": f"{quantity}, {unit}",
+            "thickness": 12,
+            "len": 0.8,
+            "x": 1.0,
+            "title_side": "right",
+        },
+        lighting={"ambient": 0.85, "diffuse": 0.3, "specular": 0.05},
         hovertemplate=f"%{{intensity:.3g}} {unit}<extra></extra>",
-    )
-    grey = {"color": NEUTRAL, "width": 3}
-    wall = go.Scatter3d(
-        **_wall(film.latitude[-1]),
-        mode="lines",
-        line=grey,
-        hoverinfo="skip",
-        name="wall",
-        showlegend=False,
-    )
-    axes = go.Scatter3d(
-        x=[1.13, 0.0, 0.0],
-        y=[0.0, 1.13, -1.13],
-        z=[0.0] * 3,
-        mode="text",
-        text=["X", "Y", "−Y, gravity"],
-        textfont={"color": NEUTRAL, "size": 13},
-        hoverinfo="skip",
-        name="axes",
-        showlegend=False,
     )
     names = [f"{angle:.0f}" for angle in film.angle]
     frames = [
         go.Frame(data=[go.Mesh3d(**journal(k))], traces=[0], name=name)
         for k, name in enumerate(names)
     ]
-    figure = go.Figure([first, wall, axes], frames=frames)
-    still = {
-        "mode": "immediate",
-        "transition": {"duration": 0},
-        "frame": {"duration": 0, "redraw": True},
-    }
-    play = still | {"frame": {"duration": 90, "redraw": True}, "fromcurrent": True}
-    hidden, flat = {"visible": False, "range": [-1.2, 1.2]}, float(up.max())
+    figure = go.Figure([first, *_wall_and_axes(film.latitude[-1])], frames=frames)
+    hidden, flat = {"visible": False, "range": [-1.2, 1.2]}, float(np.sin(film.latitude).max())
     return figure.update_layout(
         height=380,
         margin={"l": 0, "r": 0, "t": 0, "b": 80},
@@ -449,7 +428,45 @@ def film_figure(revolution: Revolution, colour: str = "Pressure") -> go.Figure:
             "aspectratio": {"x": 1.0, "y": 1.0, "z": flat},
             "camera": {"eye": {"x": 0.6, "y": -0.92, "z": 0.8}},
         },
-        updatemenus=[
+        **_player(names),
+    )
+
+
+def _wall_and_axes(edge: float) -> list[go.Scatter3d]:
+    """The bearing's band up to the latitude ``edge`` and the names of the directions."""
+    return [
+        go.Scatter3d(
+            **_wall(edge),
+            mode="lines",
+            line={"color": NEUTRAL, "width": 3},
+            hoverinfo="skip",
+            name="wall",
+            showlegend=False,
+        ),
+        go.Scatter3d(
+            x=[1.13, 0.0, 0.0],
+            y=[0.0, 1.13, -1.13],
+            z=[0.0] * 3,
+            mode="text",
+            text=["X", "Y", "−Y, gravity"],
+            textfont={"color": NEUTRAL, "size": 13},
+            hoverinfo="skip",
+            name="axes",
+            showlegend=False,
+        ),
+    ]
+
+
+def _player(names: list[str]) -> dict[str, Any]:
+    """Buttons and slider that play the frames of these names."""
+    still = {
+        "mode": "immediate",
+        "transition": {"duration": 0},
+        "frame": {"duration": 0, "redraw": True},
+    }
+    play = still | {"frame": {"duration": 90, "redraw": True}, "fromcurrent": True}
+    return {
+        "updatemenus": [
             {
                 "type": "buttons",
                 "direction": "left",
@@ -467,7 +484,7 @@ def film_figure(revolution: Revolution, colour: str = "Pressure") -> go.Figure:
                 ],
             }
         ],
-        sliders=[
+        "sliders": [
             {
                 "x": 0.3,
                 "len": 0.68,
@@ -478,4 +495,4 @@ def film_figure(revolution: Revolution, colour: str = "Pressure") -> go.Figure:
                 "steps": [{"label": n, "method": "animate", "args": [[n], still]} for n in names],
             }
         ],
-    )
+    }

@@ -7,15 +7,22 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from spab_core.maps.sensitivity import MachineMargin
-from spab_core.plotting.theme import JOURNAL, NEUTRAL, SECTION
+from spab_core.plotting.theme import (
+    GREEN,
+    JOURNAL,
+    NEUTRAL,
+    REGIME_COLOURS,
+    SECTION,
+    add_legend_square,
+)
+from spab_core.trajectory.regimes import NO_EXPONENT
 
-REGIME_COLOURS = {
-    "periodic": "#56B4E9",
-    "quasi-periodic": "#F0E442",
-    "chaotic": "#D55E00",
-    "failed": "#999999",
-}
 _UNITS = {"speed": "rpm", "mass": "kg"}
+
+
+def _colour(regime: str) -> str:
+    """Colour of a regime of an interval, where a failed run is ``NO_EXPONENT``."""
+    return REGIME_COLOURS["" if regime == NO_EXPONENT else regime]
 
 
 def tornado_figure(base: MachineMargin, table: pd.DataFrame) -> go.Figure:
@@ -26,7 +33,7 @@ def tornado_figure(base: MachineMargin, table: pd.DataFrame) -> go.Figure:
     ----------
     base : MachineMargin
     table : DataFrame
-        Of ``what_if.sensitivity``.
+        Of ``maps.sensitivity.sensitivity``.
 
     Returns
     -------
@@ -75,23 +82,17 @@ def run_up_figure(
     speed_rpm, mle, contact_share : ndarray, (n,)
         Speed, exponent per revolution (nan where a run failed) and share of the time in contact.
     intervals : DataFrame
-        Of ``what_if.regime_intervals`` over the speed.
+        Of ``maps.sensitivity.regime_intervals`` over the speed.
     """
     figure = go.Figure()
     half = 0.5 * float(np.diff(speed_rpm).min()) if len(speed_rpm) > 1 else 0.0
     for regime in dict.fromkeys(intervals["regime"]):
-        figure.add_scatter(
-            x=[None],
-            y=[None],
-            mode="markers",
-            name=regime,
-            marker={"color": REGIME_COLOURS[regime], "size": 12, "symbol": "square"},
-        )
+        add_legend_square(figure, regime, _colour(regime))
     for row in intervals.itertuples():
         figure.add_vrect(
             x0=row.start - half,
             x1=row.stop + half,
-            fillcolor=REGIME_COLOURS[row.regime],
+            fillcolor=_colour(row.regime),
             opacity=0.35,
             line_width=0,
             layer="below",
@@ -110,7 +111,7 @@ def run_up_figure(
         mode="lines",
         name="time in contact",
         yaxis="y2",
-        line={"color": "#009E73", "dash": "dot"},
+        line={"color": GREEN, "dash": "dot"},
     )
     figure.add_hline(y=0.0, line={"color": NEUTRAL, "dash": "dash", "width": 1})
     return figure.update_layout(

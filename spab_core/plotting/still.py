@@ -7,6 +7,7 @@ from __future__ import annotations
 import base64
 import html
 import io
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +29,7 @@ _STYLE = """<style>
 _GRID = "rgba(128,132,149,0.2)"
 
 
-def _channels(scale) -> tuple[np.ndarray, np.ndarray]:
+def _channels(scale: Iterable[tuple[float, str]]) -> tuple[np.ndarray, np.ndarray]:
     """Positions and colours, (n, 3), of a colour scale."""
     colours = [hex_to_rgb(c) if c.startswith("#") else unlabel_rgb(c) for _, c in scale]
     return np.array([p for p, _ in scale], float), np.array(colours, float)
@@ -65,10 +66,11 @@ def ticks(low: float, high: float, most: int) -> np.ndarray:
     rough = abs(high - low) / most
     power = 10.0 ** np.floor(np.log10(rough))
     step = next(k * power for k in (1, 2, 5, 10) if k * power >= rough)
-    return step * np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1)
+    ends: np.ndarray = np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1)
+    return step * ends
 
 
-def _line(trace: go.Scatter, x_range, y_range) -> str:
+def _line(trace: go.Scatter, x_range: Sequence[float], y_range: Sequence[float]) -> str:
     """A line as an SVG path in thousandths of the axes."""
     x = 1000.0 * (np.asarray(trace.x, float) - x_range[0]) / (x_range[1] - x_range[0])
     y = 1000.0 * (y_range[1] - np.asarray(trace.y, float)) / (y_range[1] - y_range[0])
@@ -223,7 +225,7 @@ def _picture(inside: str, height: int, style: str = "") -> str:
 
 
 def still(figure: go.Figure) -> Still:
-    """The picture of a figure of ``figures_map.map_figure``: a heatmap, lines over it, a second
+    """The picture of a figure of :func:`spab_core.plotting.map.map_figure`: a heatmap, lines over it, a second
     horizontal axis.
     """
     heat = next(t for t in figure.data if t.type == "heatmap")
@@ -249,7 +251,7 @@ def still(figure: go.Figure) -> Still:
 
 
 def orbit_still(figure: go.Figure) -> str:
-    """The picture of a figure of ``figures_point.orbit_figure``: lines in a square; HTML as of
+    """The picture of a figure of :func:`spab_core.plotting.point.orbit_figure`: lines in a square; HTML as of
     :meth:`Still.marked`.
     """
     layout = figure.layout

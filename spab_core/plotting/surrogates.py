@@ -4,6 +4,8 @@ the map's audit.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
@@ -15,17 +17,22 @@ from spab_core.active_learning.refine import Refinement
 from spab_core.maps.stability_map import StabilityMap
 from spab_core.plotting.theme import (
     BEARING_NUMBER_LABEL,
-    DISC,
     JOURNAL,
+    LOG_TICKS,
     MASS_LABEL,
     MLE_LIMIT,
     NEUTRAL,
+    PINK,
+    REGIME_COLOURS,
     SECTION,
+    add_legend_square,
+    class_layer,
 )
 from spab_core.surrogates.models import MODELS, PredictedMap
 from spab_core.surrogates.uncertainty import MapIntervals
+from spab_core.trajectory.regimes import NO_EXPONENT, REGIMES
 
-ERROR_AXES: dict = {"xaxis": "x3", "yaxis": "y3"}  # of the third map
+ERROR_AXES: dict[str, Any] = {"xaxis": "x3", "yaxis": "y3"}  # of the third map
 
 
 def surrogate_figure(m: StabilityMap, predicted: PredictedMap) -> go.Figure:
@@ -92,7 +99,7 @@ def surrogate_figure(m: StabilityMap, predicted: PredictedMap) -> go.Figure:
     told = np.where(
         predicted.trained,
         "trained on",
-        np.where(np.isnan(error), "no exponent", np.char.mod("%.3f", error)),
+        np.where(np.isnan(error), NO_EXPONENT, np.char.mod("%.3f", error)),
     )
     figure.data[-1].update(
         text=told.T, hovertemplate="Λ %{x:.3f}, %{y:.2f} kg: %{text}<extra></extra>"
@@ -206,8 +213,8 @@ def fraction_figure(means: pd.DataFrame, deviations: pd.DataFrame, label: str) -
     Parameters
     ----------
     means, deviations : DataFrame
-        Rows n/2 ... n/8, a column for each model (``evaluation.table`` without its last three rows,
-        ``evaluation.spread``).
+        Rows n/2 ... n/8, a column for each model (``ranking.table`` without its last three rows,
+        ``ranking.spread``).
     label : str
         Of the vertical axis, with its unit.
     """
@@ -222,27 +229,22 @@ def fraction_figure(means: pd.DataFrame, deviations: pd.DataFrame, label: str) -
             mode="lines+markers",
             name=MODELS[name].label,
             line={"color": _MODEL_COLOURS[k % len(_MODEL_COLOURS)], "dash": dash},
-            error_y={
-                "type": "data",
-                "array": deviations[name].fillna(0.0),
-                "thickness": 1,
-                "width": 3,
-            },
+            error_y=_spread(deviations[name]),
         )
     return figure.update_layout(
         xaxis={"title": "cells trained on, of n"},
         yaxis={
             "title": f"{label} (log scale)",
             "type": "log",
-            "tickvals": [digit * 10.0**k for k in range(-3, 2) for digit in (1, 2, 5)],
+            "tickvals": LOG_TICKS,
         },
         height=420,
         margin={"l": 60, "r": 10, "t": 20, "b": 50},
     )
 
 
+_WHERE = "Λ %{x:.3f}, %{y:.2f} kg"
 REFINE_LAYERS = ("Regime", "MLE", "Probability unstable")
-_LABEL_COLOURS = dict(zip(LABELS, ("#56B4E9", "#F0E442", "#D55E00", "#999999"), strict=True))
 
 
 def refinement_figure(r: Refinement, layer: str = "Regime") -> go.Figure:
@@ -255,90 +257,26 @@ def refinement_figure(r: Refinement, layer: str = "Regime") -> go.Figure:
         One of :data:`REFINE_LAYERS`.
     """
     figure = go.Figure()
-    common = {"x": r.bearing_number, "y": r.rotor_mass}
-    bar = {"thickness": 14, "len": 0.9, "title_side": "right"}
-    where = "Λ %{x:.3f}, %{y:.2f} kg"
-    if layer == "Regime":
-        code = np.zeros(r.batch.shape, np.float32)
-        scale = []
-        for k, (label, colour) in enumerate(_LABEL_COLOURS.items()):
-            code[r.regime == label] = k
-            scale += [(k / len(LABELS), colour), ((k + 1) / len(LABELS), colour)]
-            if (r.regime == label).any():
-                figure.add_scatter(
-                    x=[None],
-                    y=[None],
-                    mode="markers",
-                    name=label or "no exponent (run fails)",
-                    showlegend=True,
-                    marker={"color": colour, "size": 12, "symbol": "square"},
-                )
-        figure.add_heatmap(
-            z=code.T,
-            zmin=-0.5,
-            zmax=len(LABELS) - 0.5,
-            colorscale=scale,
-            showscale=False,
-            text=np.where(r.regime == "", "no exponent", r.regime).T,
-            hovertemplate=f"{where}: %{{text}} predicted<extra></extra>",
-            **common,
-        )
-    elif layer == "MLE":
-        figure.add_heatmap(
-            z=r.mle.T.astype(np.float32),
-            zmin=-MLE_LIMIT,
-            zmax=MLE_LIMIT,
-            colorscale="RdBu_r",
-            colorbar={"title": "MLE per revolution, predicted", **bar},
-            hovertemplate=f"{where}: MLE %{{z:.3f}} predicted<extra></extra>",
-            **common,
-        )
-    else:
-        figure.add_heatmap(
-            z=r.unstable.T.astype(np.float32),
-            zmin=0.0,
-            zmax=1.0,
-            colorscale="Cividis",
-            colorbar={"title": "probability of chaos or failure", **bar},
-            hovertemplate=f"{where}: probability %{{z:.2f}}<extra></extra>",
-            **common,
-        )
-    # as cells of a second heatmap: some thousand markers take a browser half a second
+    shown = _prediction_layer(figure, r, layer)
     figure.add_heatmap(
-        z=np.where(r.solved, np.float32(1.0), np.float32(np.nan)).T,
-        colorscale=[[0, "#000000"], [1, "#000000"]],
-        showscale=False,
-        hoverinfo="skip",
-        **common,
+        x=r.bearing_number, y=r.rotor_mass, **shown | {"z": shown["z"].T.astype(np.float32)}
     )
-    figure.add_scatter(
-        x=[None],
-        y=[None],
-        mode="markers",
-        name=f"solved ({int(r.solved.sum()):,})",
-        showlegend=True,
-        marker={
-            "color": "#000000",
-            "size": 7,
-            "symbol": "square",
-            "line": {"color": "#999999", "width": 1},
-        },
-    )  # black on a dark page
+    _add_solved_cells(figure, r)
     row, column = np.unravel_index(r.suggested, r.batch.shape)
     figure.add_scatter(
         x=r.bearing_number[row],
         y=r.rotor_mass[column],
         mode="markers",
         name=f"solve next ({len(row)})",
-        hovertemplate=f"solve next: {where}<extra></extra>",
+        hovertemplate=f"solve next: {_WHERE}<extra></extra>",
         marker={
-            "color": "#CC79A7",
+            "color": PINK,
             "size": 12,
             "symbol": "star",
             "line": {"color": "#000000", "width": 1},
         },
     )
-    figure.update_layout(
+    return figure.update_layout(
         xaxis={"title": BEARING_NUMBER_LABEL, "showgrid": False, "range": _ends(r.bearing_number)},
         yaxis={"title": MASS_LABEL, "showgrid": False, "range": _ends(r.rotor_mass)},
         margin={"l": 60, "r": 10, "t": 30, "b": 50},
@@ -353,7 +291,54 @@ def refinement_figure(r: Refinement, layer: str = "Regime") -> go.Figure:
             "itemsizing": "constant",
         },
     )
-    return figure
+
+
+def _prediction_layer(figure: go.Figure, r: Refinement, layer: str) -> dict[str, Any]:
+    """Return values and colours of the predicted plane's heatmap; regimes go into the legend."""
+    bar = {"thickness": 14, "len": 0.9, "title_side": "right"}
+    if layer == "Regime":
+        labels = {label: label or f"{NO_EXPONENT} (run fails)" for label in LABELS}
+        return class_layer(
+            figure,
+            ((labels[label], REGIME_COLOURS[label], r.regime == label) for label in LABELS),
+        ) | {
+            "text": np.where(r.regime == "", NO_EXPONENT, r.regime).T,
+            "hovertemplate": f"{_WHERE}: %{{text}} predicted<extra></extra>",
+        }
+    if layer == "MLE":
+        return {
+            "z": r.mle,
+            "zmin": -MLE_LIMIT,
+            "zmax": MLE_LIMIT,
+            "colorscale": "RdBu_r",
+            "colorbar": {"title": "MLE per revolution, predicted", **bar},
+            "hovertemplate": f"{_WHERE}: MLE %{{z:.3f}} predicted<extra></extra>",
+        }
+    return {
+        "z": r.unstable,
+        "zmin": 0.0,
+        "zmax": 1.0,
+        "colorscale": "Cividis",
+        "colorbar": {"title": "probability of chaos or failure", **bar},
+        "hovertemplate": f"{_WHERE}: probability %{{z:.2f}}<extra></extra>",
+    }
+
+
+def _add_solved_cells(figure: go.Figure, r: Refinement) -> None:
+    """Add the solved cells in black; a second heatmap, as thousands of markers take a browser half
+    a second to draw.
+    """
+    figure.add_heatmap(
+        x=r.bearing_number,
+        y=r.rotor_mass,
+        z=np.where(r.solved, np.float32(1.0), np.float32(np.nan)).T,
+        colorscale=[[0, "#000000"], [1, "#000000"]],
+        showscale=False,
+        hoverinfo="skip",
+    )
+    add_legend_square(figure, f"solved ({int(r.solved.sum()):,})", "#000000")
+    # the grey edge shows the black square on a dark page
+    figure.data[-1].marker.update(size=7, line={"color": "#999999", "width": 1})
 
 
 def learning_curve_figure(rows: pd.DataFrame, judged: str = "unsolved") -> go.Figure:
@@ -389,31 +374,11 @@ def learning_curve_figure(rows: pd.DataFrame, judged: str = "unsolved") -> go.Fi
                 legendgroup=strategy,
                 showlegend=k == 1,
                 line={"color": colour},
-                row=1,
-                col=k,
-                error_y={
-                    "type": "data",
-                    "array": found["std"].fillna(0.0),
-                    "thickness": 1,
-                    "width": 3,
-                },
-            )
-        others = table.loc["random"][metric]["mean"].drop(COMMITTEE)
-        if len(others):
-            best = others.idxmin() if metric == "rmse" else others.idxmax()
-            figure.add_scatter(
-                x=[solved[best[1]]],
-                y=[others[best]],
-                mode="markers+text",
-                text=[MODELS[best[0]].label],
-                textposition="bottom left",
-                name="best other model, random cells",
-                legendgroup="other",
-                showlegend=k == 1,
-                marker={"color": NEUTRAL, "size": 11, "symbol": "diamond"},
+                error_y=_spread(found["std"]),
                 row=1,
                 col=k,
             )
+        _add_best_model(figure, table.loc["random"][metric]["mean"], solved, metric, k)
         figure.update_xaxes(
             title="solved cells (log scale)",
             type="log",
@@ -422,12 +387,7 @@ def learning_curve_figure(rows: pd.DataFrame, judged: str = "unsolved") -> go.Fi
             row=1,
             col=k,
         )
-    figure.update_yaxes(
-        type="log",
-        tickvals=[digit * 10.0**k for k in range(-3, 2) for digit in (1, 2, 5)],
-        row=1,
-        col=1,
-    )
+    figure.update_yaxes(type="log", tickvals=LOG_TICKS, row=1, col=1)
     return figure.update_layout(
         height=400,
         margin={"l": 60, "r": 10, "t": 50, "b": 70},
@@ -435,9 +395,37 @@ def learning_curve_figure(rows: pd.DataFrame, judged: str = "unsolved") -> go.Fi
     )
 
 
+def _spread(deviation: pd.Series) -> dict[str, Any]:
+    """Return error bars of standard deviations; none where there is one seed only."""
+    return {"type": "data", "array": deviation.fillna(0.0), "thickness": 1, "width": 3}
+
+
+def _add_best_model(
+    figure: go.Figure, means: pd.Series, solved: pd.Series, metric: str, column: int
+) -> None:
+    """Mark the best score of the models other than the committee, by (model, divisor)."""
+    others = means.drop(COMMITTEE)
+    if not len(others):
+        return
+    best = others.idxmin() if metric == "rmse" else others.idxmax()
+    figure.add_scatter(
+        x=[solved[best[1]]],
+        y=[others[best]],
+        mode="markers+text",
+        text=[MODELS[best[0]].label],
+        textposition="bottom left",
+        name="best other model, random cells",
+        legendgroup="other",
+        showlegend=column == 1,
+        marker={"color": NEUTRAL, "size": 11, "symbol": "diamond"},
+        row=1,
+        col=column,
+    )
+
+
 def audit_figure(rows: pd.DataFrame) -> go.Figure:
     """Exponents of audited cells over those of the map, by the regime that the audit found
-    (``artifacts.load_audit``).
+    (``manifest.load_audit``).
     """
     figure, ends = go.Figure(), [-1.6, 0.6]
     figure.add_scatter(
@@ -447,7 +435,7 @@ def audit_figure(rows: pd.DataFrame) -> go.Figure:
         name="equal",
         line={"color": NEUTRAL, "dash": "dash", "width": 1},
     )
-    for regime, colour in (("periodic", JOURNAL), ("quasi-periodic", DISC), ("chaotic", SECTION)):
+    for regime in REGIMES:
         found = rows[rows["regime"] == regime]
         other = found["map_regime"] != regime
         figure.add_scatter(
@@ -457,7 +445,8 @@ def audit_figure(rows: pd.DataFrame) -> go.Figure:
             name=f"{regime} ({len(found)})",
             error_y={"type": "data", "array": found["error"], "thickness": 1, "width": 0},
             marker={
-                "color": colour,
+                "color": REGIME_COLOURS[regime],
+                "line": {"color": NEUTRAL, "width": 1},
                 "size": np.where(other, 11, 6),
                 "symbol": np.where(other, "x", "circle"),
             },

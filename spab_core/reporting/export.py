@@ -17,11 +17,11 @@ from spab_core.common.errors import InputError
 from spab_core.maps.stability_map import StabilityMap
 from spab_core.solver.stepping import STATUS
 from spab_core.surrogates.models import PredictedMap
-from spab_core.trajectory.regimes import REGIMES
+from spab_core.trajectory.regimes import NO_EXPONENT, REGIMES
 
 PNG_SIZE = (1200, 750)
 # text arrays become numbers whose meanings are listed: NetCDF 3 has no strings
-_CODES = {"regime": ("no exponent", *REGIMES), "status": STATUS}
+_CODES = {"regime": (NO_EXPONENT, *REGIMES), "status": STATUS}
 _NUMBERS = {
     "mle": ("maximum Lyapunov exponent, natural logarithm", "per revolution"),
     "mle_standard_error": ("standard error of the exponent", "per revolution"),

@@ -85,14 +85,7 @@ class OperatingPoint:
                 f"Undecided: the orbit does not repeat and its exponent, {self.mle.value:+.3f} ± "
                 f"{self.mle.standard_error:.3f}, is not clearly zero; measure more revolutions."
             )
-        text = {
-            "periodic": "Periodic: the orbit repeats every revolution"
-            if self.regime.period == 1
-            else f"Periodic: the orbit repeats every {self.regime.period} revolutions",
-            "quasi-periodic": "Quasi-periodic: the orbit does not repeat; a whirl of its own "
-            "frequency rides on the rotation",
-            "chaotic": "Chaotic: the orbit never repeats and its loads are not predictable",
-        }[self.regime.name]
+        text = self.regime.sentence
         if self.contact_share >= 0.0005:
             text += f"; {100.0 * self.contact_share:.1f} % of the time the film is thinner than a tenth of the clearance"
         return text + "."

@@ -10,6 +10,11 @@ from spab_core.trajectory.lyapunov import Exponent
 from spab_core.trajectory.periodic_orbit import MAX_PERIOD, repeat_distances
 
 REGIMES = ("periodic", "quasi-periodic", "chaotic")
+NO_EXPONENT = "no exponent"  # what is told in place of a regime where a run failed; "" in arrays
+_WORDS = {
+    "quasi-periodic": "the orbit does not repeat; a whirl of its own frequency rides on the rotation",
+    "chaotic": "the orbit never repeats and its loads are not predictable",
+}
 SECTION_TOLERANCE = 1e-3  # over C
 _WINDOW = 60  # last section points looked at
 _CHAOS = 0.01  # smallest exponent called chaotic, per revolution
@@ -26,6 +31,13 @@ class Regime:
     def text(self) -> str:
         """Such as "periodic-2"."""
         return f"{self.name}-{self.period}" if self.period else self.name
+
+    @property
+    def sentence(self) -> str:
+        """What the rotor does, for a designer; without a full stop."""
+        every = "revolution" if self.period == 1 else f"{self.period} revolutions"
+        words = _WORDS.get(self.name, f"the orbit repeats every {every}")
+        return f"{self.name.capitalize()}: {words}"
 
 
 def section_period(section: np.ndarray, tolerance: float = SECTION_TOLERANCE) -> int:

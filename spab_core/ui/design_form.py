@@ -5,8 +5,10 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from spab_core.common.errors import InputError
 from spab_core.design.form import (
@@ -14,17 +16,14 @@ from spab_core.design.form import (
     GRADE_RANGE,
     GROUPS,
     FormField,
-    bearing_number_of,
     eccentricity_of_grade,
     from_form,
     grade_of_eccentricity,
     to_form,
 )
-from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.design.model import Design, design_toml, read_design_bytes, reference_design
 from spab_core.design.presets import PRESETS
-from spab_core.ui.shared import digits
-from spab_core.ui.view import chosen_design, set_design, set_point, set_speed
+from spab_core.ui.view import chosen_design, chosen_point, set_design, set_speed
 
 _USUAL = to_form(reference_design())
 _STIFFNESS, _UNBALANCE = "rotor__shaft_stiffness", "rotor__unbalance_eccentricity"
@@ -49,30 +48,31 @@ def _fill(design: Design) -> None:
     state["my_filled"], state["my_error"] = design, None
 
 
-def _fill_speed() -> None:
-    """Speed and balance grade follow from design and point."""
-    state, design = st.session_state, chosen_design()
-    rpm = design.speed_rpm(state["bearing_number"])
-    if state.get("my_speed_of") != (design, state["bearing_number"]) or "my_rpm" not in state:
-        state["my_rpm"], state["my_speed_of"] = _digits(rpm), (design, state["bearing_number"])
-    if state.get("my_grade_of") != design or "my_grade" not in state or "my_grade_rpm" not in state:
-        if state.get("my_grade_rpm") is None:
-            state["my_grade_rpm"] = _digits(rpm)
-        rotor = design.rotor
-        state["my_grade"] = _digits(
-            grade_of_eccentricity(
-                rotor.unbalance_eccentricity, state["my_grade_rpm"], rotor.journal_mass_fraction
-            )
+def _fill_grade(design: Design) -> None:
+    """Put the balance grade of a design into its widgets, by default at the chosen speed."""
+    state = st.session_state
+    if state.get("my_grade_of") == design and "my_grade" in state and "my_grade_rpm" in state:
+        return
+    if state.get("my_grade_rpm") is None:
+        state["my_grade_rpm"] = _digits(design.speed_rpm(state["bearing_number"]))
+    rotor = design.rotor
+    state["my_grade"] = _digits(
+        grade_of_eccentricity(
+            rotor.unbalance_eccentricity, state["my_grade_rpm"], rotor.journal_mass_fraction
         )
-        state["my_grade_of"] = design
+    )
+    state["my_grade_of"] = design
 
 
-def take_design(design: Design, rotor_mass: float, speed_rpm: float) -> None:
-    """Make it the design that the user works on, in a widget's callback; the machine keeps mass and
-    speed.
+def _take(design: Design, rotor_mass: float | None = None, speed_rpm: float | None = None) -> None:
+    """Make it the design that the user works on, in a widget's callback.
+
+    The machine keeps its mass and speed where none are given: the bearing number follows.
     """
+    mass, number = chosen_point()
+    speed = chosen_design().speed_rpm(number) if speed_rpm is None else speed_rpm
     set_design(design)
-    set_speed(design, rotor_mass, speed_rpm)
+    set_speed(design, mass if rotor_mass is None else rotor_mass, speed)
     st.session_state["my_error"] = None
 
 
@@ -92,7 +92,7 @@ def _typed() -> None:
     except InputError as error:
         state["my_error"] = str(error)
         return
-    take_design(design, state["rotor_mass"], base.speed_rpm(state["bearing_number"]))
+    _take(design)
     state["my_filled"] = design  # what is typed stays as it was typed
 
 
@@ -111,27 +111,14 @@ def _grade_typed() -> None:
     except InputError as error:
         state["my_error"] = str(error)
         return
-    take_design(design, state["rotor_mass"], base.speed_rpm(state["bearing_number"]))
+    _take(design)
     state["my_grade_of"] = design
-
-
-def _speed_typed() -> None:
-    state = st.session_state
-    try:
-        if state["my_rpm"] is None:
-            raise InputError("the speed is empty: type a number")
-        number = bearing_number_of(chosen_design(), None, state["my_rpm"])
-    except InputError as error:
-        state["my_error"] = str(error)
-        return
-    set_point(state["rotor_mass"], number)
-    state["my_speed_of"], state["my_error"] = (chosen_design(), state["bearing_number"]), None
 
 
 def _preset_chosen() -> None:
     chosen = PRESETS.get(st.session_state["my_preset"])
     if chosen is not None:
-        take_design(chosen.design, chosen.rotor_mass, chosen.speed_rpm)
+        _take(chosen.design, chosen.rotor_mass, chosen.speed_rpm)
 
 
 def _uploaded() -> None:
@@ -143,10 +130,10 @@ def _uploaded() -> None:
     except InputError as error:
         state["my_error"] = str(error)
         return
-    take_design(design, state["rotor_mass"], chosen_design().speed_rpm(state["bearing_number"]))
+    _take(design)
 
 
-def _number(place, field: FormField, **options) -> None:
+def _number(place: DeltaGenerator, field: FormField, **options: Any) -> None:
     usual = _USUAL[field.name]
     place.number_input(
         field.title,
@@ -203,9 +190,9 @@ def _rotor_fields() -> None:
         _number(place, fields[name])
 
 
-def design_form() -> None:
-    """Presets, files, operating point and every value of the design; a wrong value is told and
-    changes nothing.
+def design_fields() -> None:
+    """Show every value of the design in the units of a drawing; a wrong value is told and changes
+    nothing.
     """
     state, design = st.session_state, chosen_design()
     if (
@@ -214,9 +201,38 @@ def design_form() -> None:
         or "my_rigid" not in state
     ):
         _fill(design)
-    _fill_speed()
+    _fill_grade(design)
+    if error := state["my_error"]:
+        st.error(f"{error[0].upper()}{error[1:]}. The design stays as it was.")
+    for tab, group in zip(st.tabs(list(GROUPS)), GROUPS, strict=True):
+        with tab:
+            if group == "Rotor":
+                _rotor_fields()
+                continue
+            columns = st.columns(2)
+            for k, field in enumerate(f for f in FIELDS.values() if f.group == group):
+                _number(columns[k % 2], field)
+
+
+def design_popover() -> None:
+    """Show the design's values, and a button back to the reference bearing, behind a button."""
+    with st.popover("Design", icon=":material/tune:"):
+        design_fields()
+        st.button(
+            "Back to the reference bearing",
+            on_click=_take,
+            args=(reference_design(),),
+            key="design_reset",
+        )
+
+
+def design_files() -> None:
+    """Presets to start from, design files to open and save."""
+    design = chosen_design()
     # the preset's name stays there only as long as it is that design
-    state["my_preset"] = next((name for name, p in PRESETS.items() if p.design == design), None)
+    st.session_state["my_preset"] = next(
+        (name for name, p in PRESETS.items() if p.design == design), None
+    )
     a, b = st.columns([2.2, 1], vertical_alignment="bottom")
     a.selectbox(
         "Start from",
@@ -242,45 +258,3 @@ def design_form() -> None:
             icon=":material/download:",
             width="stretch",
         )
-    if state["my_error"]:
-        st.error(
-            f"{state['my_error'][0].upper()}{state['my_error'][1:]}. The design stays as it was."
-        )
-    a, b, c = st.columns(3)
-    a.number_input(
-        "Rotor mass, kg",
-        *ROTOR_MASS_RANGE,
-        None,
-        key="rotor_mass",
-        step=0.1,
-        format="%g",
-        help="Whole rotor mass that one bearing carries",
-    )
-    b.number_input(
-        "Shaft speed, rpm",
-        value=None,
-        key="my_rpm",
-        step=100.0,
-        format="%.0f",
-        on_change=_speed_typed,
-        help="From {} to {} rpm".format(
-            *(digits(design.speed_rpm(v)) for v in BEARING_NUMBER_RANGE)
-        ),
-    )
-    c.number_input(
-        "or bearing number Λ",
-        *BEARING_NUMBER_RANGE,
-        None,
-        key="bearing_number",
-        step=0.05,
-        format="%.4g",
-        help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless",
-    )
-    for tab, group in zip(st.tabs(list(GROUPS)), GROUPS, strict=True):
-        with tab:
-            if group == "Rotor":
-                _rotor_fields()
-                continue
-            columns = st.columns(2)
-            for k, field in enumerate(f for f in FIELDS.values() if f.group == group):
-                _number(columns[k % 2], field)

@@ -1,10 +1,7 @@
-"""Operating points on pages: solved live or as a job, their verdict, the controls of design and
-solver.
-"""
+"""Operating points on pages: solved live or as a job, their verdict, the controls of the solver."""
 
 from __future__ import annotations
 
-import math
 from functools import partial
 from pathlib import Path
 
@@ -15,8 +12,7 @@ import streamlit as st
 
 from spab_core.common.errors import InputError
 from spab_core.common.npz import npz_bytes
-from spab_core.design.form import FIELDS, GROUPS, from_form, to_form
-from spab_core.design.model import Design, reference_design
+from spab_core.design.model import Design
 from spab_core.plotting import point as draw
 from spab_core.solver.film import DEFAULT_MESH, MESH_LIMITS, SCHEMES, Mesh
 from spab_core.solver.stepping import METHODS
@@ -27,10 +23,9 @@ from spab_core.trajectory.revolution import Revolution, forces, integrate_revolu
 from spab_core.trajectory.run import path_angle
 from spab_core.trajectory.settings import Settings
 from spab_core.trajectory.spectrum import spectrum
-from spab_core.ui.design_form import take_design
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.solving import LIVE_PATHS, live_point
-from spab_core.ui.view import chosen_design
+from spab_core.ui.verdict import point_numbers, point_verdict
 
 LIVE_SECONDS = 2.0  # what is expected to take longer runs as a job
 MESHES = (str(DEFAULT_MESH), "2x16", "3x24", "4x32", "4x96", "6x64", "8x128")
@@ -205,115 +200,10 @@ def simulate_command(design_option: str, point_options: str, settings: Settings)
 
 def verdict_panel(point: OperatingPoint) -> None:
     """Verdict in a coloured box and the numbers under it."""
-    box = {"periodic": st.success, "quasi-periodic": st.warning}.get(
-        point.regime.name if point.regime else "", st.error
-    )
-    box(point.verdict())
-    if not point.mle:
-        return
-    spread, least = point.mle.standard_error, 1.0 - point.max_eccentricity
-    values = (
-        (
-            "MLE per revolution",
-            f"{point.mle.value:+.3f} ± {max(spread, 0.001):.3f}",
-            "Maximum Lyapunov exponent, natural "
-            "logarithm, ± its standard error by batch means (on a settled periodic orbit, the "
-            "last change of its leading "
-            "multiplier's rate): below zero periodic, zero quasi-periodic, above zero chaotic",
-        ),
-        (
-            "Max. eccentricity",
-            f"{point.max_eccentricity:.3f}",
-            "Largest of the journal, over the clearance C",
-        ),
-        (
-            "Least film, µm",
-            f"{1e6 * point.design.bearing.clearance * least:.1f}",
-            "Clearance less the largest eccentricity",
-        ),
-        (
-            "Time in contact",
-            f"{100 * point.contact_share:.1f} %",
-            "Share of the time, with a film under a tenth of C",
-        ),
-    )
+    point_verdict(point)
     with st.container(horizontal=True, horizontal_alignment="distribute"):
-        for label, value, text in values:
+        for label, value, text in point_numbers(point):
             st.metric(label, value, help=text, width="content")
-
-
-def design_controls() -> None:
-    """Every value of the chosen design in drawing units, a number field each; a wrong one is told.
-
-    The speed stays.
-    """
-    design, state = chosen_design(), st.session_state
-    for name, value in to_form(design).items():
-        state[f"form_{name}"] = FIELDS[name].high if math.isinf(value) else value
-    state["form_rigid"] = design.rigid
-    if complaint := state.pop("form_complaint", None):
-        st.error(complaint)
-    left, right = st.columns(2)
-    for group in GROUPS:
-        box = left if group in ("Bearing", "Gas") else right
-        box.markdown(f"**{group}**")
-        for name, f in FIELDS.items():
-            if f.group != group:
-                continue
-            scale, value = (
-                design.gas.ambient_pressure * 10.0**-f.power if f.over_ambient else 1.0,
-                state[f"form_{name}"],
-            )
-            box.number_input(
-                f.title,
-                min(f.low * scale, value),
-                max(f.high * scale, value),
-                None,
-                key=f"form_{name}",
-                help=f.help,
-                format="%.6g",
-                step=_step(value),
-                on_change=_design_changed,
-                args=(name,),
-                disabled=f.infinite and design.rigid,
-            )
-            if f.infinite:
-                box.checkbox("Rigid shaft", key="form_rigid", on_change=_rigid_changed)
-    st.button(
-        "Back to the reference bearing",
-        on_click=_take,
-        args=(reference_design(),),
-        key="form_reset",
-    )
-
-
-def _step(value: float) -> float:
-    """A step of the size of a twentieth of a value, a power of ten."""
-    return 10.0 ** math.floor(math.log10(abs(value)) - 1.0) if value else 0.1
-
-
-def _design_changed(name: str) -> None:
-    value = st.session_state[f"form_{name}"]
-    if value is None:
-        return  # emptied: the value stays
-    try:
-        base = chosen_design()
-        _take(from_form(to_form(base) | {name: float(value)}, base))
-    except InputError as error:
-        st.session_state["form_complaint"] = f"{error}. The value is left as it was."
-
-
-def _rigid_changed() -> None:
-    stiffness = (
-        math.inf if st.session_state["form_rigid"] else reference_design().rotor.shaft_stiffness
-    )
-    _take(chosen_design().replace(rotor__shaft_stiffness=stiffness))
-
-
-def _take(design: Design) -> None:
-    """The design changes, the machine keeps its mass and speed: the bearing number follows."""
-    state = st.session_state
-    take_design(design, state["rotor_mass"], chosen_design().speed_rpm(state["bearing_number"]))
 
 
 def solver_controls(cost: bool = True) -> None:

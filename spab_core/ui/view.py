@@ -10,13 +10,14 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import streamlit as st
 
 from spab_core.active_learning.quick_map import SECONDS
 from spab_core.common.errors import InputError
+from spab_core.common.units import from_rpm
 from spab_core.common.validation import check_number
 from spab_core.design.form import FIELDS, to_form
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
@@ -202,7 +203,7 @@ def _read_address() -> list[str]:
         try:
             if key in VIEW:
                 state.setdefault(key, VIEW[key].read(text))
-            elif key in _design_fields():
+            elif key.replace(".", "__") in FIELDS:
                 changes[key] = _float(key, text)
             else:
                 complaints.append(
@@ -223,14 +224,6 @@ def _float(name: str, text: str) -> float:
         return float(text)
     except ValueError:
         raise InputError(f"{name} = {text!r} is not a number") from None
-
-
-def _design_fields() -> list[str]:
-    return [
-        f"{part.name}.{f.name}"
-        for part in fields(Design)
-        for f in fields(getattr(reference_design(), part.name))
-    ]
 
 
 def _changed(changes: dict[str, float]) -> Design:
@@ -269,11 +262,16 @@ def set_point(rotor_mass: float, bearing_number: float) -> None:
     st.session_state["bearing_number"] = float(f"{bearing_number:.6g}")
 
 
+def chosen_point() -> tuple[float, float]:
+    """Rotor mass in kg and bearing number of the chosen operating point."""
+    return float(st.session_state["rotor_mass"]), float(st.session_state["bearing_number"])
+
+
 def set_speed(design: Design, rotor_mass: float, speed_rpm: float) -> None:
     """As :func:`set_point`, at a speed; outside the bearing numbers that can be solved the nearest,
     as the next page tells.
     """
-    number, (low, high) = design.bearing_number(speed_rpm * math.pi / 30.0), BEARING_NUMBER_RANGE
+    number, (low, high) = design.bearing_number(from_rpm(speed_rpm)), BEARING_NUMBER_RANGE
     nearest = min(max(number, low), high)
     if not math.isclose(number, nearest, rel_tol=1e-5):
         st.session_state[_TOLD] = (

@@ -158,7 +158,7 @@ def test_typed_values_are_solved_and_marked(app, mass, number):
     assert len(verdict(app)) == 1 and any("edge of the map" in x.value for x in app.markdown)
     assert mark(app) == [number, mass]
     assert app.number_input(key="rpm").value == pytest.approx(
-        load_reference_map().design.speed_rpm(number)
+        load_reference_map().design.speed_rpm(number), rel=1e-5
     )
 
 

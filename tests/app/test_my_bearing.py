@@ -11,6 +11,7 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
+from spab_core.common.units import from_rpm
 from spab_core.design.form import FIELDS, eccentricity_of_grade
 from spab_core.design.model import design_toml, load_design, reference_design
 from spab_core.design.presets import PRESETS, preset
@@ -70,15 +71,15 @@ def test_first_view_is_the_reference_with_its_numbers(page):
 
 
 def test_a_typed_value_is_the_design_of_the_dashboard_and_the_machine_keeps_its_speed(page):
-    rpm = page.number_input(key="my_rpm").value
+    rpm = page.number_input(key="rpm").value
     before = metric(page, "Eccentricity")
     type_in(page, "bearing__clearance", 30.0)
     assert address(page)["bearing.clearance"] == "3e-05"
     assert design_of(page) == reference_design().replace(bearing__clearance=30e-6)
-    assert page.number_input(key="my_rpm").value == rpm
+    assert page.number_input(key="rpm").value == rpm
     number = page.number_input(key="bearing_number").value
     assert (
-        number == pytest.approx(design_of(page).bearing_number(rpm * math.pi / 30.0), rel=1e-5)
+        number == pytest.approx(design_of(page).bearing_number(from_rpm(rpm)), rel=1e-5)
         and number > 4.0
     )
     assert (
@@ -120,7 +121,7 @@ def test_every_preset_is_shown(page, name):
     run(page.selectbox(key="my_preset").set_value(name))
     p = preset(name)
     assert design_of(page) == p.design and page.selectbox(key="my_preset").value == name
-    assert page.number_input(key="my_rpm").value == pytest.approx(p.speed_rpm, rel=1e-5)
+    assert page.number_input(key="rpm").value == pytest.approx(p.speed_rpm, rel=1e-5)
     assert page.number_input(key="rotor_mass").value == p.rotor_mass
     assert page.checkbox(key="my_rigid").value == p.design.rigid
     assert metric(page, "Shaft stiffness") == (
@@ -153,14 +154,14 @@ def test_unbalance_as_a_balance_grade(page):
 
 
 def test_speed_in_rpm_or_as_bearing_number(page):
-    run(page.number_input(key="my_rpm").set_value(12000.0))
+    run(page.number_input(key="rpm").set_value(12000.0))
     number = reference_design().bearing_number(400.0 * math.pi)
     assert float(address(page)["bearing_number"]) == pytest.approx(number, rel=1e-5)
     run(page.number_input(key="bearing_number").set_value(2.0))
-    assert page.number_input(key="my_rpm").value == pytest.approx(
+    assert page.number_input(key="rpm").value == pytest.approx(
         reference_design().speed_rpm(2.0), rel=1e-5
     )
-    run(page.number_input(key="my_rpm").set_value(1e9))
+    run(page.number_input(key="rpm").set_value(1e9))
     assert (
         "Speed = 1e+09 rpm is out of range" in page.error[0].value
         and address(page)["bearing_number"] == "2"

@@ -9,6 +9,7 @@ from streamlit.testing.v1 import AppTest
 
 from spab_core.design.presets import PRESETS
 from spab_core.jobs.store import list_jobs, submit
+from spab_core.trajectory.regimes import NO_EXPONENT, REGIMES
 from tests.app.conftest import until_done
 from tests.conftest import ROOT
 
@@ -106,12 +107,7 @@ def test_a_run_up_lists_what_it_crosses():
     at = until_done(at)
     assert not at.exception and not at.error
     table = at.dataframe[0].value
-    assert table["points"].sum() == 10 and set(table["regime"]) <= {
-        "periodic",
-        "quasi-periodic",
-        "chaotic",
-        "failed",
-    }
+    assert table["points"].sum() == 10 and set(table["regime"]) <= {*REGIMES, NO_EXPONENT}
 
 
 def test_two_designs_side_by_side():

@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_bvp
 
 from spab_core.common.errors import DesignError
+from spab_core.common.units import from_rpm
 from spab_core.design.presets import PRESETS, preset
 from spab_core.linear_theory.equilibrium import concentric_stiffness, static_equilibrium
 from spab_core.linear_theory.summary import NO_EQUILIBRIUM, derive
@@ -23,7 +24,7 @@ MESH = Mesh(4, 24)
 def test_what_the_wall_feeds_leaves_through_the_edges(name):
     p = preset(name)
     flow = derive(
-        p.design, p.rotor_mass, p.design.bearing_number(p.speed_rpm * math.pi / 30.0), MESH
+        p.design, p.rotor_mass, p.design.bearing_number(from_rpm(p.speed_rpm)), MESH
     ).gas_flow
     assert flow.wall == pytest.approx(flow.edges, rel=1e-9)
     if p.design.bearing.supply_pressure_ratio > 1.0:

@@ -18,6 +18,7 @@ from spab_core.maps.sensitivity import (
     sensitivity,
     variations,
 )
+from spab_core.trajectory.regimes import NO_EXPONENT
 from spab_core.trajectory.settings import Settings
 
 QUICK = Settings("2x16", transient=60, revolutions=40)
@@ -96,7 +97,7 @@ def test_intervals_cover_the_line_once(regimes):
     values = np.arange(len(regimes), dtype=float)
     found = regime_intervals(values, regimes)
     back = [
-        ("" if row.regime == "failed" else row.regime)
+        ("" if row.regime == NO_EXPONENT else row.regime)
         for row in found.itertuples()
         for _ in range(row.points)
     ]
