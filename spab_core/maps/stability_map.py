@@ -74,7 +74,7 @@ class StabilityMap:
         Revolutions; 0 unless periodic.
     contact_share, max_eccentricity : ndarray, (B, M)
     status : ndarray of str, (B, M)
-        One of ``integrate.STATUS``.
+        One of ``stepping.STATUS``.
     revolutions : ndarray of int, (B, M)
         How many were integrated: less than asked for where a run settled early, or failed.
     metadata : dict

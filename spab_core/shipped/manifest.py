@@ -174,7 +174,7 @@ def load_reference_bifurcation(name: str, folder: Path = ARTIFACTS) -> Bifurcati
 
 
 def load_reference_scores(folder: Path = ARTIFACTS) -> pd.DataFrame:
-    """The shipped scores of all surrogates on the reference map (``evaluation.evaluate``).
+    """The shipped scores of all surrogates on the reference map (``metrics.evaluate``).
 
     Raises :class:`ArtifactError`.
     """

@@ -192,14 +192,14 @@ def rank_samples(
     design : Design
         Whose linear theory the models that know it start from.
     models, divisors, seeds
-        As in ``evaluation.evaluate``; fractions that leave too few points to train on are left out.
+        As in ``metrics.evaluate``; fractions that leave too few points to train on are left out.
     progress : callable
         Called with the number of trainings done since the last call.
 
     Returns
     -------
     DataFrame
-        As ``evaluation.evaluate``, for its ``table``, ``ranking`` and ``suggestion``.
+        As ``metrics.evaluate``, for its ``table``, ``ranking`` and ``suggestion``.
     """
     rows = []
     count = len(samples.mle)

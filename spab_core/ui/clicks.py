@@ -93,7 +93,7 @@ def clickable(
     Parameters
     ----------
     figure : Figure
-        The browser moves its trace named :data:`figures.CHOSEN` to the clicked cell by itself.
+        The browser moves its trace named :data:`plotting.theme.CHOSEN` to the clicked cell by itself.
         Where the next run sends the same figure, with the mark at :func:`mark_place`, the browser
         keeps it as it is, zoomed and marked.
     key : str

@@ -306,7 +306,7 @@ def reference_scores() -> pd.DataFrame:
 
 def reference_ranking(kind: str) -> pd.DataFrame:
     """Models by the shipped scores, the best first; ``kind`` of cells as for
-    ``evaluation.ranking``. Raises ``InputError``.
+    ``ranking.ranking``. Raises ``InputError``.
     """
     return _ranking(_stamp(SCORES), kind)
 

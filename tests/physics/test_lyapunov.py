@@ -1,5 +1,5 @@
 """The exponent's machinery on systems whose exponents are known; the code path is the rotor's own
-(``integrate.bind``).
+(``stepping.bind``).
 
 Values in natural logarithm: Lorenz 0.9056 per unit time, Hénon 0.4192 per step (Sprott, Chaos and
 Time-Series Analysis, 2003, appendix A); Duffing and Ueda as in docs/model.md."""
