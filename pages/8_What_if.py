@@ -9,7 +9,13 @@ from spab_core.design.limits import BEARING_NUMBER_RANGE
 from spab_core.design.model import read_design_bytes
 from spab_core.design.presets import PRESETS
 from spab_core.linear_theory.summary import derive
-from spab_core.maps.sensitivity import AXES, STEPS, Margin, load_sensitivity, regime_intervals
+from spab_core.maps.sensitivity import (
+    AXES,
+    STEPS,
+    MachineMargin,
+    load_sensitivity,
+    regime_intervals,
+)
 from spab_core.plotting.point import orbit_figure
 from spab_core.plotting.sensitivity import run_up_figure, tornado_figure
 from spab_core.ui.downloads import downloads
@@ -76,7 +82,7 @@ def change_the_drawing() -> None:
             show_sensitivity(*load_sensitivity(job.result))
 
 
-def show_sensitivity(base: Margin, table: pd.DataFrame) -> None:
+def show_sensitivity(base: MachineMargin, table: pd.DataFrame) -> None:
     """The margin in words, its changes as a figure and a table."""
     unit = "rpm" if base.axis == "speed" else "kg"
     sides = [

@@ -54,7 +54,7 @@ def test_the_operating_point(chromium, tools):
             timeout=120_000,
         )
         copied = page.url
-    assert "tab=Film" in copied and "bearing_number=3.5" in copied
+    assert "tab=Film" in copied and "rotor_mass=4.6" in copied
     assert not messages, messages
     assert all(
         url.startswith((address, address.replace("http", "ws"), "data:", "blob:"))
