@@ -105,7 +105,7 @@ def test_journey(address, tools):
 
         go_to(page, tools, "Operating point")
         at_point(page)
-        assert float(page.get_by_label("Bearing number Λ").input_value()) == NUMBER
+        assert float(page.get_by_label("Bearing number Λ", exact=True).input_value()) == NUMBER
         page.get_by_text("Chaotic: ").first.wait_for()
         page.screenshot(path=OUTPUT / "journey_2_point.png")
 
@@ -235,7 +235,7 @@ def test_a_click_on_my_map_tells_the_margin_of_the_cell(own_page, tools):
     click_cell(page, 2.5, 7.5)
     page.wait_for_url("**bearing_number=2.5&rotor_mass=7.5**")
     page.get_by_text("At 7.5 kg").wait_for()
-    assert float(page.get_by_label("Rotor mass, kg").input_value()) == 7.5
+    assert float(page.get_by_label("Rotor mass, kg", exact=True).input_value()) == 7.5
     page.screenshot(path=OUTPUT / "my_map.png")
 
 
