@@ -560,7 +560,7 @@ def targets(folder):
                 if key in view.VIEW:
                     entry = view.VIEW[key]
                     entry.read(entry.write(entry.read(text)))
-                elif key in view._design_fields():
+                elif key.replace(".", "__") in view.FIELDS:
                     changes[key] = view._float(key, text)
         view._changed(changes)
 

@@ -163,7 +163,9 @@ def test_journey(address, tools):
 
         page.get_by_role("button", name="Open this operating point").click()
         page.wait_for_url("**/Operating_point?**")
-        page.get_by_role("heading", name=f"Λ {number:.3f}").wait_for(timeout=60_000)
+        tools.settled(page)
+        field = page.get_by_label("Bearing number Λ", exact=True)
+        assert float(field.input_value()) == pytest.approx(number, abs=5e-4)
     watched.check()
 
 
