@@ -91,7 +91,7 @@ def _map(args: Namespace) -> Answer:
     check_output(args.out, "--out")
     parts = Path(f"{args.out}.parts")
     Checkpoint(parts, run_plan(design, bearing_number, rotor_mass, settings), {}).open()
-    say_compiling()
+    say_compiling(settings)
     with (
         tqdm(total=cells, unit="cell", smoothing=0.05) as bar,
         resumable(bar, parts, "finished chunks"),
@@ -127,7 +127,7 @@ def _bifurcation(args: Namespace) -> Answer:
     sweeps = args.sweeps.split(",")
     check_line(args.vary, args.at, values, sweeps)
     parts = Path(f"{args.out}.parts")
-    say_compiling()
+    say_compiling(settings)
     with (
         tqdm(total=len(values) * len(sweeps), unit="point", smoothing=0.05) as bar,
         resumable(bar, parts, "finished points"),

@@ -53,8 +53,8 @@ def _simulate(args: Namespace) -> Answer:
     check_point(args.rotor_mass, args.bearing_number)
     if args.orbit is not None:
         check_output(args.orbit, "--orbit")
-    say_compiling()
-    compile_once()
+    say_compiling(settings)
+    compile_once(settings)
     point = solve_point(
         design,
         args.rotor_mass,

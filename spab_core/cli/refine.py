@@ -141,7 +141,7 @@ def _solve(args: Namespace) -> Answer:
             progress=bar.update,
         ) as oracle,
     ):
-        say_compiling()
+        say_compiling(settings)
         table = _table(design, bearing_number, rotor_mass)
         result = last(
             refine(

@@ -1,13 +1,23 @@
-"""Processes that end with the one that started them."""
+"""Processes of ours: modules of the package run by another Python; an end with the parent."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import sys
 import threading
 import time
 
 import psutil
+
+from spab_core.common.paths import IMPORTED_FROM
+
+
+def module_command(name: str, *arguments: str) -> tuple[list[str], dict[str, str]]:
+    """Return command and environment that run a module of this very package, from any folder."""
+    before = os.environ.get("PYTHONPATH")
+    path = os.pathsep.join([str(IMPORTED_FROM), *([before] if before else [])])
+    return [sys.executable, "-P", "-m", name, *arguments], os.environ | {"PYTHONPATH": path}
 
 
 def end_with_parent(parent: int) -> None:

@@ -196,7 +196,7 @@ class _PointRequest:
 
 def _run_point(folder: Path, parameters: Values, advance: Advance, set_total: SetTotal) -> None:
     settings = Settings(**parameters["settings"])
-    compile_once()
+    compile_once(settings)
     set_total(int(settings.transient + settings.revolutions))  # fewer where the run settles
     save_point(
         solve_point(

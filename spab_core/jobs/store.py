@@ -13,11 +13,9 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-import os
 import re
 import shutil
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -31,6 +29,7 @@ from spab_core._version import __version__
 from spab_core.common.errors import InputError
 from spab_core.common.files import patiently, write_atomically
 from spab_core.common.private_folders import own_bytes, private_folder, wanted_folder
+from spab_core.common.processes import module_command
 from spab_core.jobs.kinds import KINDS
 from spab_core.solver.cache import solver_hash
 
@@ -370,16 +369,15 @@ def _start(folder: Path, kind: str, parameters: dict[str, Any]) -> None:
             "pid": None,
         },
     )
-    package = str(Path(__file__).resolve().parent.parent.parent)
-    path = os.pathsep.join([package, *filter(None, [os.environ.get("PYTHONPATH")])])
+    command, environment = module_command("spab_core.jobs.worker", str(folder))
     with (folder / "log.txt").open("ab") as log:
         worker = _workers[folder.name] = subprocess.Popen(
-            [sys.executable, "-P", "-m", "spab_core.jobs.worker", str(folder)],
+            command,
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=log,
             cwd=folder,
-            env=os.environ | {"PYTHONPATH": path},
+            env=environment,
             start_new_session=True,
             creationflags=_FLAGS,
         )

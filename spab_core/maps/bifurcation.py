@@ -282,7 +282,7 @@ def _solve(
     """
     waiting = [name for name, c in chunks.items() if checkpoint.missing(c.cells).size]
     running: dict[futures.Future[tuple[Chunk, np.ndarray]], str] = {}
-    with executor(workers) as processes:
+    with executor(workers, settings) as processes:
         while waiting or running:
             ready = (
                 n

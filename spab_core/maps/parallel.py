@@ -14,6 +14,7 @@ from joblib.externals.loky import ProcessPoolExecutor
 from spab_core.common.errors import InputError
 from spab_core.common.processes import end_with_parent
 from spab_core.trajectory.compiling import compile_once
+from spab_core.trajectory.settings import Settings
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -21,11 +22,13 @@ CLUSTER_SECONDS = 20  # for a scheduler to answer and for its first worker
 
 
 @contextlib.contextmanager
-def cluster_or_processes(workers: int, cluster: str | None = None) -> Iterator[joblib.Parallel]:
-    """Yield joblib's worker processes, or those of a Dask cluster."""
+def cluster_or_processes(
+    workers: int, settings: Settings, cluster: str | None = None
+) -> Iterator[joblib.Parallel]:
+    """Yield joblib's worker processes, or those of a Dask cluster, to solve with such settings."""
     options = {"return_as": "generator_unordered", "pre_dispatch": "2*n_jobs"}
     if cluster is None:
-        compile_once()  # before several would at once
+        compile_once(settings)  # before several would at once
         yield joblib.Parallel(
             n_jobs=workers, initializer=end_with_parent, initargs=(os.getpid(),), **options
         )
@@ -60,12 +63,12 @@ class _Here(futures.Executor):
 
 
 @contextlib.contextmanager
-def executor(workers: int) -> Iterator[futures.Executor]:
-    """Start worker processes, which are killed if the block raises; 1: this process."""
+def executor(workers: int, settings: Settings) -> Iterator[futures.Executor]:
+    """Start worker processes to solve with such settings, killed if the block raises; 1: here."""
     if workers == 1:
         yield _Here()
         return
-    compile_once()
+    compile_once(settings)
     processes = ProcessPoolExecutor(
         max_workers=workers, initializer=end_with_parent, initargs=(os.getpid(),)
     )

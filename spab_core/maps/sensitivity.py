@@ -253,7 +253,7 @@ def sensitivity(
     check_margin(design, rotor_mass, speed_rpm, axis, scan)
     cases = [("", 1.0, design), *variations(design, step)]
     margins: dict[int, MachineMargin] = {}
-    with cluster_or_processes(workers) as run:
+    with cluster_or_processes(workers, settings) as run:
         jobs = (
             joblib.delayed(_numbered_margin)(
                 k, case[2], rotor_mass, speed_rpm, axis, settings, scan=scan

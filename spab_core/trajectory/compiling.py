@@ -8,6 +8,7 @@ from process to process; to load them takes under a second."""
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
 import subprocess
 import sys
@@ -20,27 +21,28 @@ import filelock
 import numba
 import numpy as np
 
+from spab_core.common.processes import end_with_parent, module_command
 from spab_core.design.model import reference_design
 from spab_core.linear_theory.summary import derive
 from spab_core.solver.cache import is_kept
-from spab_core.solver.film import DEFAULT_MESH, Mesh
 from spab_core.solver.slope import build_work, fill_jacobian
-from spab_core.solver.stepping import METHODS, Options, advance, build_memory, build_record
+from spab_core.solver.stepping import Options, advance, build_memory, build_record
 from spab_core.solver.system import build_system
 from spab_core.trajectory.point import solve_point
 from spab_core.trajectory.settings import Settings
 
+USUAL = Settings()
 SECONDS = 20  # of compiling with nothing else at work (docs/dashboard.md)
 _LOCK = ".compiling.lock"
 _PATIENCE = 600.0  # seconds; a process that compiles for longer has hung
 
 
-def is_compiled(mesh: Mesh = DEFAULT_MESH, method: str = METHODS[0]) -> bool:
-    """Whether this process can solve operating points without compiling, its kernels loaded or kept
-    for this processor.
+def is_compiled(settings: Settings = USUAL) -> bool:
+    """Whether this process can solve operating points so without compiling: kernels of the method
+    and of the mesh's width are loaded, or kept for this processor.
     """
-    system = build_system(reference_design(), 1.0, 1.0, mesh)
-    memory = build_memory(system.film, method)
+    system = build_system(reference_design(), 1.0, 1.0, settings.mesh)
+    memory = build_memory(system.film, settings.method)
     return is_kept(advance, system, memory, Options(), 0, 1, build_record(1, 0))
 
 
@@ -65,17 +67,19 @@ def _turn() -> Iterator[None]:
         yield
 
 
-def compile_once() -> None:
-    """Have the kernels: wait for a process that compiles them, or compile them here if none has."""
-    if is_compiled() and is_linear_compiled():
+def compile_once(settings: Settings = USUAL) -> None:
+    """Have the kernels for such settings: wait for a process that compiles them, or compile them
+    here if none has.
+    """
+    if is_compiled(settings) and is_linear_compiled():
         return
     with _turn():
         if not is_linear_compiled():
-            derive(
-                reference_design(), 4.0, 3.0
-            )  # first: pages with linear theory alone need not wait for the rest
-        if not is_compiled():
-            solve_point(reference_design(), 4.0, 3.0, Settings(transient=0, revolutions=20))
+            # first: pages with linear theory alone need not wait for the rest
+            derive(reference_design(), 4.0, 3.0)
+        if not is_compiled(settings):
+            short = dataclasses.replace(settings, transient=0, revolutions=20)
+            solve_point(reference_design(), 4.0, 3.0, short)
 
 
 class _Background:
@@ -83,18 +87,16 @@ class _Background:
 
     def __init__(self) -> None:
         self.began, self.failure, self.ended = time.monotonic(), "", threading.Event()
-        package = str(Path(__file__).resolve().parent.parent)
-        path = os.pathsep.join([package, *filter(None, [os.environ.get("PYTHONPATH")])])
-        place = str(
-            Path(numba.config.CACHE_DIR).parent
-        )  # where it finds the folder that this process has chosen
+        command, environment = module_command("spab_core.trajectory.compiling", str(os.getpid()))
+        # where it finds the folder that this process has chosen
+        place = str(Path(numba.config.CACHE_DIR).parent)
         try:
             self.process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "spab_core.trajectory.compiling", str(os.getpid())],
+                command,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
-                env=os.environ | {"PYTHONPATH": path, "NUMBA_CACHE_DIR": place},
+                env=environment | {"NUMBA_CACHE_DIR": place},
             )
         except OSError as error:
             self._end(f"no process could be started: {error.strerror or error}")
@@ -144,8 +146,6 @@ def failure() -> str:
 
 
 def _main(parent: int) -> int:
-    from spab_core.common.processes import end_with_parent  # which imports this module
-
     end_with_parent(parent)
     compile_once()
     return 0

@@ -27,7 +27,7 @@ def compiler(monkeypatch):
     state: dict[str, float | None] = {"seconds": 12.0}
     monkeypatch.setattr(compiling, "seconds_so_far", lambda: state["seconds"])
     for name in ("is_compiled", "is_linear_compiled"):
-        monkeypatch.setattr(solving, name, lambda: state["seconds"] is None)
+        monkeypatch.setattr(solving, name, lambda *of: state["seconds"] is None)
     solve = solving.solve_point
     monkeypatch.setattr(
         solving,
@@ -131,7 +131,7 @@ def test_no_page_without_a_live_solve_waits(compiler):
 def test_a_failed_compiler_is_said_and_the_page_compiles_itself(compiler, monkeypatch):
     compiler()
     said = []
-    monkeypatch.setattr(solving, "is_compiled", lambda: False)
+    monkeypatch.setattr(solving, "is_compiled", lambda *of: False)
     monkeypatch.setattr(compiling, "failure", lambda: "its process ended with code 1: no room")
     real = st.spinner
     monkeypatch.setattr(solving.st, "spinner", lambda text: said.append(text) or real(text))

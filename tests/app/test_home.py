@@ -282,7 +282,7 @@ def test_touchdown_is_said_in_words():
 def test_a_first_run_says_that_it_compiles(monkeypatch):
     st.cache_resource.clear()
     said = []
-    monkeypatch.setattr(solving, "is_compiled", lambda: False)
+    monkeypatch.setattr(solving, "is_compiled", lambda *of: False)
     monkeypatch.setattr(
         solving.st, "spinner", lambda text: said.append(text) or contextlib.nullcontext()
     )

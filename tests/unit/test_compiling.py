@@ -3,6 +3,7 @@
 Nothing is compiled here: the kernels are there.
 """
 
+import importlib
 import os
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import filelock
 import numba
 import pytest
 
+from spab_core.common.processes import module_command
 from spab_core.solver import cache as _kernel_cache
 from spab_core.solver.stepping import advance
 from spab_core.trajectory import compiling
@@ -29,7 +31,7 @@ def empty(monkeypatch, tmp_path):
     place.mkdir()
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(place))
     for name in ("is_compiled", "is_linear_compiled"):
-        monkeypatch.setattr(compiling, name, lambda: False)
+        monkeypatch.setattr(compiling, name, lambda *of: False)
     monkeypatch.setattr(compiling, "_background", None)
     monkeypatch.setattr(compiling, "_decided", False)
     return place
@@ -127,7 +129,7 @@ def test_a_process_that_fails_is_told(empty, monkeypatch, program, words):
 
 
 def test_a_process_that_cannot_be_started_is_told(empty, monkeypatch):
-    monkeypatch.setattr(compiling.sys, "executable", str(empty / "none"))
+    monkeypatch.setattr(sys, "executable", str(empty / "none"))
     compiling.start()
     assert compiling.failure() == "no process could be started: No such file or directory"
 
@@ -174,7 +176,7 @@ def test_a_second_process_waits_for_the_first(empty, monkeypatch):
     """Solved by nobody: while it waits, the other one has left the kernels."""
     there = threading.Event()
     for name in ("is_compiled", "is_linear_compiled"):
-        monkeypatch.setattr(compiling, name, there.is_set)
+        monkeypatch.setattr(compiling, name, lambda *of: there.is_set())
     monkeypatch.setattr(compiling, "solve_point", lambda *a: pytest.fail("compiled twice"))
     monkeypatch.setattr(compiling, "derive", lambda *a: pytest.fail("compiled twice"))
     waiting = threading.Thread(target=compiling.compile_once)
@@ -202,3 +204,22 @@ def test_a_change_of_numba_means_that_nothing_is_announced(monkeypatch):
     monkeypatch.setattr(type(advance), "signatures", property(lambda self: []))
     monkeypatch.setattr(advance, "_cache", None)
     assert _kernel_cache.is_kept(advance)
+
+
+def test_other_processes_find_this_very_package():
+    """Also where it is not installed, in a clone that is not the working folder."""
+    command, environment = module_command("spab_core.trajectory.compiling", "1")
+    assert command[1:] == ["-P", "-m", "spab_core.trajectory.compiling", "1"]
+    assert Path(environment["PYTHONPATH"].split(os.pathsep)[0]) == ROOT
+
+
+def test_a_kernel_is_kept_for_the_types_it_was_called_with(tmp_path, monkeypatch):
+    """As rows of another width, or another method's memory, are other types."""
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "one_kernel.py").write_text(
+        "from numba import njit\n\n\n@njit(cache=True)\ndef twice(x):\n    return 2 * x\n"
+    )
+    twice = importlib.import_module("one_kernel").twice
+    assert not _kernel_cache.is_kept(twice, 1.0)
+    twice(1.0)
+    assert _kernel_cache.is_kept(twice, 1.0) and not _kernel_cache.is_kept(twice, 1)

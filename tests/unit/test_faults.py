@@ -137,7 +137,7 @@ def work_here(name):
 def queued(root, monkeypatch):
     """A job whose worker has not come."""
     with monkeypatch.context() as patch:
-        patch.setattr(jobs.sys, "executable", "/bin/false")
+        patch.setattr(sys, "executable", "/bin/false")
         job = jobs.submit("bifurcation", LINE)
     jobs._workers.pop(job.id).wait(10)
     yield job.id

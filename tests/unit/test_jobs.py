@@ -6,6 +6,7 @@ import dataclasses
 import json
 import os
 import signal
+import sys
 import time
 from pathlib import Path
 
@@ -152,7 +153,7 @@ def test_cancelled_before_its_worker_shows_up(root):
 
 
 def test_a_worker_that_never_shows_up_is_noticed(root, monkeypatch):
-    monkeypatch.setattr(jobs.sys, "executable", "/bin/false")
+    monkeypatch.setattr(sys, "executable", "/bin/false")
     job = submit("bifurcation", LINE)
     assert until(job.id, lambda j: not j.active).state == "failed"
     monkeypatch.setattr(
