@@ -14,7 +14,7 @@ from choreographer.errors import ChromeNotFoundError
 from scipy.io import netcdf_file, netcdf_variable
 
 from spab_core.common.errors import InputError
-from spab_core.maps.stability_map import StabilityMap
+from spab_core.maps.stability_map import FIELDS, StabilityMap
 from spab_core.solver.stepping import STATUS
 from spab_core.surrogates.models import PredictedMap
 from spab_core.trajectory.regimes import NO_EXPONENT, REGIMES
@@ -77,22 +77,7 @@ def map_table(m: StabilityMap) -> pd.DataFrame:
         "speed_rpm": np.repeat(m.design.speed_rpm(1.0) * m.bearing_number, len(m.rotor_mass)),
         "rotor_mass_kg": np.tile(m.rotor_mass, len(m.bearing_number)),
     }
-    return pd.DataFrame(
-        columns
-        | {
-            name: getattr(m, name).ravel()
-            for name in (
-                "mle",
-                "mle_standard_error",
-                "regime",
-                "period",
-                "contact_share",
-                "max_eccentricity",
-                "status",
-                "revolutions",
-            )
-        }
-    )
+    return pd.DataFrame(columns | {name: getattr(m, name).ravel() for name in FIELDS})
 
 
 def prediction_table(m: StabilityMap, predicted: PredictedMap) -> pd.DataFrame:
