@@ -82,7 +82,7 @@ lock: $(VENV)/.ready
 	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --extra docs --no-emit-index-url --no-header \
 	  --constraints requirements.lock --output-file requirements-docs.lock --upgrade pyproject.toml
 
-# the shipped map: 42,500 cells, three quarters of an hour on two cores; an interrupted run goes on; then `make train`
+# the shipped map: 42,500 cells, twenty minutes on two cores; an interrupted run goes on; then `make train`
 map: $(VENV)/.ready
 	$(BIN)/spab map --bearing-number 0.05:8.5:170 --rotor-mass 0.1:25:250 --out artifacts/reference_map.npz --workers 2
 	$(BIN)/python -m spab_core.shipped.manifest

@@ -34,7 +34,7 @@ from session import User  # noqa: E402
 from spab_core.jobs import store as jobs  # noqa: E402
 
 ROOT = Path(__file__).resolve().parent.parent
-OPTIONS = ["--mesh", "2x16", "--transient", "20", "--revolutions", "20"]
+OPTIONS = ["--mesh", "2x16", "--transient", "30", "--revolutions", "20"]
 PLANE = ["--bearing-number", "2:4.5:10", "--rotor-mass", "3:18:15"]
 LARGE = [
     "--bearing-number",
@@ -46,7 +46,7 @@ LINE = {
     "vary": "rotor-mass",
     "at": 3.0,
     "range": "4:12:30",
-    "settings": {"mesh": "2x16", "transient": 20, "revolutions": 40, "early_stop": False},
+    "settings": {"mesh": "2x16", "transient": 30, "revolutions": 40, "early_stop": False},
 }
 COMMANDS = {
     "map": ["map", *LARGE, *OPTIONS, "--workers", "2", "--out", "out.npz"],

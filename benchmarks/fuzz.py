@@ -383,6 +383,42 @@ def damaged_address(rng, data):
 # ---- what is read
 
 
+def read_request(data):
+    from spab_core.jobs import store as jobs
+
+    given = json.loads(data)
+    if isinstance(given, dict) and isinstance(given.get("parameters"), dict):
+        wanted = given.get("kind")
+        jobs.job_id(wanted if isinstance(wanted, str) else "point", given["parameters"])
+        jobs.find(given.get("id"))
+
+
+def read_address(data):
+    import spab_core.ui.view as view
+    from spab_core.common.errors import InputError
+
+    changes = {}
+    for key, text in json.loads(data).items():
+        text = str(text)[: view._LONGEST]
+        with contextlib.suppress(InputError):
+            if key in view.VIEW:
+                entry = view.VIEW[key]
+                entry.read(entry.write(entry.read(text)))
+            elif key.replace(".", "__") in view.FIELDS:
+                changes[key] = view._float(key, text)
+    view._changed(changes)
+
+
+def open_page(data):
+    from streamlit.testing.v1 import AppTest
+
+    at = AppTest.from_function(_page, default_timeout=LIMIT)
+    for key, text in json.loads(data).items():
+        at.query_params[_sendable(key)] = _sendable(str(text))
+    at.run()
+    assert not at.exception, at.exception[0].value
+
+
 def targets(folder):
     """By name: how often, the valid bytes to start from, what damages them, what reads them."""
     import spab_core.ui.view as view
@@ -445,7 +481,7 @@ def targets(folder):
         },
     )
     point = solve_point(
-        design, 4.52, 3.45, Settings("2x16", transient=4, revolutions=20), path_revolutions=1
+        design, 4.52, 3.45, Settings("2x16", transient=30, revolutions=20), path_revolutions=1
     )
     file, home = folder / "case", folder / "jobs"
 
@@ -511,13 +547,6 @@ def targets(folder):
             assert found.state in jobs.STATES and found.result.parent == place
         assert {path.name for path in home.iterdir()} <= {name, ".running.lock"}
 
-    def read_request(data):
-        given = json.loads(data)
-        if isinstance(given, dict) and isinstance(given.get("parameters"), dict):
-            wanted = given.get("kind")
-            jobs.job_id(wanted if isinstance(wanted, str) else "point", given["parameters"])
-            jobs.find(given.get("id"))
-
     requests = [
         (kind, job_kinds.KINDS[kind].check(given))
         for kind, given in (
@@ -551,30 +580,6 @@ def targets(folder):
     def read_kept(data):
         (cache / "model.joblib.json").write_bytes(data)
         model_cache.read("model.joblib")
-
-    def read_address(data):
-        changes = {}
-        for key, text in json.loads(data).items():
-            text = str(text)[: view._LONGEST]
-            with contextlib.suppress(InputError):
-                if key in view.VIEW:
-                    entry = view.VIEW[key]
-                    entry.read(entry.write(entry.read(text)))
-                elif key.replace(".", "__") in view.FIELDS:
-                    changes[key] = view._float(key, text)
-        view._changed(changes)
-
-    def open_page(data):
-        from streamlit.testing.v1 import AppTest
-
-        at = AppTest.from_function(_page, default_timeout=LIMIT)
-        for key, text in json.loads(data).items():
-            at.query_params[_sendable(key)] = _sendable(str(text))
-        at.run()
-        assert not at.exception, at.exception[0].value
-
-    def read_table(data):
-        features.load_table(data)
 
     plan = run_plan(design, small.bearing_number, small.rotor_mass, Settings())
 
@@ -670,7 +675,7 @@ def targets(folder):
             2,
             [(resources.files("spab_core.design") / "data" / features.SHIPPED).read_bytes()],
             damaged_npz,
-            read_table,
+            features.load_table,
         ),
         "plan of a run": (
             3,

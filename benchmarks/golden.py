@@ -36,17 +36,14 @@ CASES: list[tuple] = [
     (0.1, 8.5, {}),
     (25.0, 0.05, {}),
     (4.0, 3.0, {}),
-    (20.0, 2.0, {"scheme": "plain"}),
-    (7.0, 6.0, {"scheme": "plain"}),
-    (10.0, 5.0, {"scheme": "plain"}),
-    (4.52, 1.4, {"scheme": "plain"}),
-    (18.0, 4.5, {"scheme": "plain", "transient": 60, "revolutions": 60}),
     (18.8, 6.55, {"early_stop": False, "transient": 60, "revolutions": 60}),
-    (7.0, 6.0, {"mesh": "6x48", **_SHORT}),
-    (7.0, 6.0, {"mesh": "8x32", **_SHORT}),
+    (7.0, 6.0, {"mesh": "4x24", **_SHORT}),
+    (7.0, 6.0, {"mesh": "5x32", **_SHORT}),
     (7.0, 6.0, {"mesh": "3x24", **_SHORT}),
     (7.0, 6.0, {"mesh": "2x16", "method": "dtm", **_SHORT}),
     (6.0, 2.0, {}, {"rotor__shaft_stiffness": math.inf}),
+    # a wide band asks for more latitudes
+    (20.0, 1.0, {}, {"bearing__edge_latitude": 70.0}),
     # a swift vibration decides; the journal touches the wall; a short-ranged contact
     (1.0, 0.02, {}, {"bearing__supply_pressure_ratio": 5.0}),
     (25.0, 0.5, {}, {"contact__force_at_closure": 1e-4}),
@@ -100,7 +97,7 @@ def solve_cases(checkout: Path) -> list[dict]:
 
 
 def write_values(found: list[dict]) -> None:
-    """Keep what test_golden.py compares with: numbers for periodic orbits, the regime for others."""
+    """Keep what test_golden.py compares: numbers for periodic orbits, the regime for others."""
     values = []
     for (mass, number, settings, *changes), case in zip(CASES, found, strict=True):
         value = {"rotor_mass": mass, "bearing_number": number, "settings": settings}

@@ -22,7 +22,7 @@ import numpy as np
 from numba import njit
 
 from spab_core.design.model import reference_design
-from spab_core.solver.film import DEFAULT_MESH, build_film, film_size
+from spab_core.solver.film import build_film, film_size, suitable_mesh
 from spab_core.solver.linear_solve import linearise, solve
 from spab_core.solver.rotor import build_rotor
 from spab_core.solver.slope import slope, slope_and_jacobian, time_slope
@@ -145,7 +145,7 @@ def spectral_radius(system, states):
 class Problem:
     def __init__(self, mass, bearing_number):
         design = reference_design()
-        self.film = build_film(design, bearing_number, DEFAULT_MESH)
+        self.film = build_film(design, bearing_number)
         self.system = System(self.film, build_rotor(design, mass, bearing_number))
         memory = build_memory(self.film)
         assert (
@@ -247,7 +247,7 @@ def main():
     for name, (mass, bearing_number) in POINTS.items():
         print(
             f"\n{name}: error <= {TARGET:g} of the clearance after {REVOLUTIONS} revolutions, "
-            f"mesh {DEFAULT_MESH}"
+            f"mesh {suitable_mesh(reference_design())}"
         )
         compare(Problem(mass, bearing_number), repeat)
 

@@ -40,8 +40,7 @@ def table(locked: set[str]) -> str:
     count = ", ".join(f"{name} {n}" for name, n in Counter(row[2] for row in rows).most_common())
     head = (
         "# Licences\n\nOf every package in `requirements.lock` that is installed here, as its own "
-        "metadata tell it "
-        "(`make licences`). spab itself is under the MIT licence.\n\n"
+        "metadata tell it (`make licences`). spab itself is under the MIT licence.\n\n"
         f"{len(rows)} packages: {count}.\n\n| package | version | licence |\n|---|---|---|\n"
     )
     return head + "".join(f"| {name} | {version} | {told} |\n" for name, version, told in rows)

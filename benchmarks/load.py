@@ -145,9 +145,8 @@ def main() -> None:
         told = (Path(own) / "log.txt").read_text()
     took = np.array([seconds for _, _, seconds in clicks])
     print(
-        f"{args.users} users, {args.minutes:g} min: {len(took)} clicks; seconds of a click: "
-        f"median {np.median(took):.2f}, "
-        f"95 % under {np.percentile(took, 95):.2f}, longest {took.max():.2f}"
+        f"{args.users} users, {args.minutes:g} min: {len(took)} clicks; seconds of a click: median "
+        f"{np.median(took):.2f}, 95 % under {np.percentile(took, 95):.2f}, longest {took.max():.2f}"
     )
     for name in sorted({name for _, name, _ in clicks}):
         these = np.array([seconds for _, n, seconds in clicks if n == name])

@@ -42,14 +42,15 @@ CLICKS = [(7.0, 6.0), (18.0, 4.5), (2.0, 5.0)]  # kg, bearing number
 DRAWN = """layer => { const plot = document.querySelector('.js-plotly-plot');
     return plot && plot.calcdata && plot._fullData.some(t => t.type === 'heatmap')
         && plot._fullData.some(t => t.name === 'chaotic') === (layer === 'Regime'); }"""
-SEEN = """() => document.querySelector('.heatmaplayer image')
-    || [...document.querySelectorAll('.spab-still img')].some(i => i.complete && i.checkVisibility())"""
-ANSWERS = """() => document.querySelector('.st-key-map_box[data-answers]')
-    && [...document.querySelectorAll('.spab-still img')].some(i => i.complete && i.checkVisibility())"""
+SHOWN = """[...document.querySelectorAll('.spab-picture img')]
+    .some(image => image.complete && image.checkVisibility())"""
+SEEN = f"() => document.querySelector('.heatmaplayer image') || {SHOWN}"
+ANSWERS = f"() => document.querySelector('.st-key-map_box[data-answers]') && {SHOWN}"
 PICTURE = """([x, y]) => { const r = document.querySelector('.spab-plot').getBoundingClientRect();
     return [r.left + x * r.width, r.top + y * r.height]; }"""
 AT_REST = """old => { const title = document.querySelector('[data-testid=stMain] h4');
-    return title && title.innerText !== old && document.querySelector('[data-test-script-state=notRunning]'); }"""
+    return title && title.innerText !== old
+        && document.querySelector('[data-test-script-state=notRunning]'); }"""
 
 
 async def now(together):
@@ -258,8 +259,7 @@ def floor():
         again, with_second = statistics.median(later), statistics.median(two[0][1:] + two[1][1:])
         print(
             f"{name}: new browser {first:.2f} s, again {again:.2f} s; with a second browser "
-            f"{with_second:.2f} s, "
-            f"{with_second / again:.1f} times as long"
+            f"{with_second:.2f} s, {with_second / again:.1f} times as long"
         )
 
 

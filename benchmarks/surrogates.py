@@ -69,7 +69,7 @@ def median_seconds(function, count):
 def solve(m, cells):
     """Seconds of solving cells as the shipped map was, the kernels loaded before."""
     settings = Settings(transient=300, revolutions=300)
-    solve_point(m.design, 4.0, 3.0, Settings(transient=20, revolutions=20))
+    solve_point(m.design, 4.0, 3.0, Settings(transient=30, revolutions=20))
     began = time.perf_counter()
     for row, column in cells:
         solve_point(m.design, float(m.rotor_mass[column]), float(m.bearing_number[row]), settings)
@@ -99,8 +99,7 @@ def main():
         print(
             f"  {workers} process{'es' if workers > 1 else ''}: {wall:6.1f} s, of which "
             f"{sum(train for train, _ in found.values()):6.1f} s training (added up over "
-            "processes); "
-            f"{verdict(wall, GOALS['training']) if workers == 2 else ''}"
+            f"processes); {verdict(wall, GOALS['training']) if workers == 2 else ''}"
         )
 
     best = ranking(load_reference_scores()).index[0]
@@ -139,13 +138,11 @@ def main():
     svr = [seconds["svr", k][1] for k in DIVISORS]
     print(
         f"predicting the map: goal {GOALS['map']:g} s, SVR apart: "
-        f"{f'MISSED by {told}' if told else 'met'}; "
-        f"SVR takes {min(svr):.2f} to {max(svr):.2f} s"
+        f"{f'MISSED by {told}' if told else 'met'}; SVR takes {min(svr):.2f} to {max(svr):.2f} s"
     )
     print(
         f"one point through {MODELS[best].label}, the best by RMSE, n/{DIVISOR}: "
-        f"{1e3 * best_point:.2f} ms; "
-        f"{verdict(best_point, GOALS['point'])}"
+        f"{1e3 * best_point:.2f} ms; {verdict(best_point, GOALS['point'])}"
     )
 
     solved = np.argwhere(np.isfinite(m.mle))
@@ -156,10 +153,8 @@ def main():
     whole = seconds[best, DIVISOR][1]
     print(
         f"\nsolving {args.cells} random cells (seed {SEED}, 300 + 300 revolutions): {solving:.2f} "
-        "s, "
-        f"{solving / args.cells:.3f} s a cell; asking {MODELS[best].label} for the same cells: "
-        f"{1e3 * asking:.2f} ms, "
-        f"ratio {solving / asking:,.0f}"
+        f"s, {solving / args.cells:.3f} s a cell; asking {MODELS[best].label} for the same cells: "
+        f"{1e3 * asking:.2f} ms, ratio {solving / asking:,.0f}"
     )
     print(
         f"one cell at a time: ratio {solving / args.cells / best_point:,.1f}; the whole map, "

@@ -46,9 +46,8 @@ def main():
         steps = np.mean([a.trajectory.steps / a.trajectory.completed for a in found])
         print(
             f"tolerance {tolerance:.2g}: {steps:.1f} steps a revolution; |dMLE| median "
-            f"{np.median(change):.5f}, eight in ten "
-            f"{np.quantile(change, 0.8):.5f}, largest {max(change):.5f} ({len(change)} periodic "
-            "points)",
+            f"{np.median(change):.5f}, eight in ten {np.quantile(change, 0.8):.5f}, largest "
+            f"{max(change):.5f} ({len(change)} periodic points)",
             flush=True,
         )
         for point, a, b in zip(points, found, tight, strict=True):

@@ -129,8 +129,7 @@ def main():
         trimmed = np.sort(error)[: int(0.995 * len(error))]
         print(
             f"{label:38s} {np.sqrt(np.mean(error**2)):6.3f} {np.sqrt(np.mean(trimmed**2)):8.4f} "
-            f"{error.mean():6.4f} "
-            f"{time.perf_counter() - began:6.1f}",
+            f"{error.mean():6.4f} {time.perf_counter() - began:6.1f}",
             flush=True,
         )
 

@@ -8,7 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 from take_pictures import browser_page
 
-from spab_core.active_learning.learning_curve import load_learning_curve
+from spab_core.active_learning.learning_curve import LEARNING_CURVE, load_learning_curve
 from spab_core.linear_theory.equilibrium import concentric_stiffness
 from spab_core.plotting.lines import bifurcation_figure
 from spab_core.plotting.map import map_figure
@@ -115,7 +115,7 @@ def main():
         if (DOCS / "audit.csv").exists():
             draw(page, audit_figure(m), "audit")
         draw(page, refinement_figure(load_reference_refinement(), "Regime"), "refined_cells")
-        draw(page, learning_curve_figure(load_learning_curve()), "learning_curve")
+        draw(page, learning_curve_figure(load_learning_curve(LEARNING_CURVE)), "learning_curve")
 
 
 if __name__ == "__main__":

@@ -84,9 +84,10 @@ def settled(page, seconds=180):
     page.wait_for_function(
         """() => !document.querySelector("[data-testid='stSpinner'], [data-testid='stSkeleton']")
         && !document.body.innerText.includes('Compiling the solver')
-        && document.querySelector("[data-testid='stMain'] h4, [data-testid='stMain'] [data-testid='stHeading']")
-        && ![...document.querySelectorAll('.spab-still')].some(picture => picture.checkVisibility())
-        && [...document.querySelectorAll('.stPlotlyChart')].every(c => !c.checkVisibility() || c.querySelector('.main-svg'))""",
+        && document.querySelector("[data-testid='stMain'] :is(h4, [data-testid='stHeading'])")
+        && ![...document.querySelectorAll('.spab-picture')].some(p => p.checkVisibility())
+        && [...document.querySelectorAll('.stPlotlyChart')].every(
+            c => !c.checkVisibility() || c.querySelector('.main-svg'))""",
         timeout=1000 * seconds,
     )
     page.wait_for_timeout(1200)

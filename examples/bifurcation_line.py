@@ -1,9 +1,9 @@
 """A bifurcation line: period doubling on the way to chaos.
 
-Solve the reference design at bearing number 3.45 for rotor masses from 17 to 22.5 kg, each point from
-a cold start, and print regime, period in revolutions and exponent. A cascade of period doubling is
-passed in order: 2, 4, 8 revolutions, then chaos. A point at a border between two of them may be
-undecided: quasi-periodic with an exponent that is not clearly zero.
+Solve the reference design at bearing number 3.45 for rotor masses from 17 to 22.5 kg, each point
+from a cold start, and print regime, period in revolutions and exponent. A cascade of period
+doubling is passed in order: 2, 4, 8 revolutions, then chaos. A point at a border between two of
+them may be undecided: quasi-periodic with an exponent that is not clearly zero.
 """
 
 import numpy as np

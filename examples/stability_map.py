@@ -1,7 +1,7 @@
 """A small stability map, and the shipped one beside it.
 
-Solve a plane of 5 bearing numbers x 4 rotor masses, each cell from its own cold start, save it as NPZ
-and read it back. The cells lie on the grid of the shipped map (170 x 250 cells), so both can be
+Solve a plane of 5 bearing numbers x 4 rotor masses, each cell from its own cold start, save it as
+NPZ and read it back. The cells lie on the grid of the shipped map (170 x 250 cells), so both can be
 compared: the largest difference between the exponents of periodic cells is printed. Chaotic cells
 may differ, because chaos amplifies the last bit.
 

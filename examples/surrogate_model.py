@@ -1,12 +1,12 @@
 """Train surrogates on an eighth of a map and judge them on the rest.
 
-Read the shipped map of the reference design, draw n/8 of its solved cells, train four models on them
-and predict all the others. Print for each the root mean square and the mean absolute error of the
-exponent, per revolution, over the cells that it was not trained on, and one prediction beside the
-solved cell.
+Read the shipped map of the reference design, draw n/8 of its solved cells, train four models on
+them and predict all the others. Print for each the root mean square and the mean absolute error of
+the exponent, per revolution, over the cells that it was not trained on, and one prediction beside
+the solved cell.
 
-Check: the errors are those of draw 0 in artifacts/surrogate_scores.csv (docs/results.md has the means
-over ten draws).
+Check: the errors are those of draw 0 in artifacts/surrogate_scores.csv (docs/results.md has the
+means over ten draws).
 """
 
 from spab_core import load_map

@@ -2,7 +2,9 @@
 reference bearing if wanted.
 """
 
+from collections.abc import Callable
 from functools import partial
+from typing import Literal
 
 import plotly.graph_objects as go
 import streamlit as st
@@ -18,6 +20,7 @@ from spab_core.ui.shared import errors_in_words, page_head
 from spab_core.ui.view import (
     POINT_TABS,
     SAME,
+    choice,
     chosen_design,
     chosen_point,
     design_option,
@@ -53,13 +56,13 @@ with errors_in_words():
 sides = [(design, number, design_words(), "own")]
 if compare:
     usual = reference_design()
-    same = row.segmented_control(
+    same = choice(
         "At the same",
         SAME,
+        place=row,
         key="same",
-        required=True,
         label_visibility="collapsed",
-        format_func={SAME[0]: "same Λ", SAME[1]: "same speed"}.get,
+        format_func={SAME[0]: "same Λ", SAME[1]: "same speed"}.__getitem__,
     )
     other = number if same == SAME[0] else usual.bearing_number(design.speed(number))
     sides.append((usual, other, "reference bearing SPAB-60", "reference"))
@@ -85,7 +88,9 @@ LOW = {
 
 def show(name: str, figure: go.Figure, key: str) -> None:
     # given here, not to the figure: that of the film is everybody's
-    height = min(figure.layout.height, LOW.get(name, 380)) if compare else "content"
+    height: int | Literal["content"] = "content"
+    if compare:
+        height = min(figure.layout.height, LOW.get(name, 380))
     st.plotly_chart(
         figure, key=f"{name}_{key}", width="stretch", height=height, config={"displaylogo": False}
     )
@@ -121,13 +126,13 @@ def tab_content(name: str, point: OperatingPoint, key: str) -> None:
     elif name == "Film 3-D":
         film(point, key)
     else:
-        figure = {
+        draws: dict[str, Callable[[], go.Figure]] = {
             "Spectrum": lambda: ui.spectrum_of(point, 4).update_layout(height=405),
             "Signals": partial(draw.signals_figure, point),
             "Forces": lambda: draw.forces_figure(ui.revolution_of(point)),
             "Exponent": lambda: draw.exponent_figure(point).update_layout(height=440),
-        }[name]()
-        show(name.lower(), figure, key)
+        }
+        show(name.lower(), draws[name](), key)
         if name == "Spectrum":
             st.caption(ui.strongest_lines(point))
 
@@ -151,12 +156,8 @@ if shown:
         if tab.open:
             with tab, errors_in_words():
                 if name == "Film 3-D":
-                    colour = st.segmented_control(
-                        "Colour",
-                        draw.QUANTITIES,
-                        key="film_colour",
-                        required=True,
-                        label_visibility="collapsed",
+                    colour = choice(
+                        "Colour", draw.QUANTITIES, key="film_colour", label_visibility="collapsed"
                     )
                 for box, (p, key) in zip(st.columns(len(shown), gap="medium"), shown, strict=True):
                     with box:
@@ -164,30 +165,21 @@ if shown:
     t = shown[0][0].trajectory
     ended = ", settled on a periodic orbit" if t.settled else ""
     st.caption(
-        f"{t.completed} revolutions from rest{ended}, {t.steps:,} steps in {t.wall_seconds:.2f} "
-        f"s; {settings.method}, "
-        f"{settings.mesh} film nodes, {settings.scheme} differences. Run-up: the first 60 "
-        "revolutions; load and "
-        "unbalance rise over 30."
+        f"{t.completed} revolutions from rest{ended}, {t.steps:,} steps in {t.wall_seconds:.2f} s; "
+        f"{settings.method}, {t.mesh} film nodes. Run-up: "
+        "the first 60 revolutions; load and unbalance rise over 30."
     )
 
 with files:
     first = points[0]
-    figures, tables, data = {}, {}, {}
-    for p, key in shown:
-        figures |= {
-            f"{title}{' reference' if key == 'reference' else ''}": make
-            for title, make in ui.figures_of(p).items()
-        }
-    if first is not None:
-        tables, data = (
-            {"Orbit": partial(ui.orbit_table, first)},
-            {"npz": partial(ui.point_npz, first)},
-        )
     downloads(
         "point",
-        figures,
-        tables,
-        data,
+        {
+            f"{title}{' reference' if key == 'reference' else ''}": make
+            for p, key in shown
+            for title, make in ui.figures_of(p).items()
+        },
+        {"Orbit": partial(ui.orbit_table, first)} if first else {},
+        {"npz": partial(ui.point_npz, first)} if first else {},
         ui.simulate_command(design_option(), point_options(), settings),
     )

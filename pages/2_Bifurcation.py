@@ -15,7 +15,16 @@ from spab_core.ui.lines import done_with_more, line_command, line_of_job, line_v
 from spab_core.ui.point import chosen_settings, duration, solver_controls
 from spab_core.ui.point_bar import point_bar
 from spab_core.ui.shared import errors_in_words, page_head, reference_map
-from spab_core.ui.view import LINES, VIEW, chosen_design, chosen_point, design_option, is_reference
+from spab_core.ui.view import (
+    LINES,
+    VIEW,
+    choice,
+    chosen_design,
+    chosen_point,
+    design_option,
+    is_reference,
+    number_field,
+)
 
 page_head("bifurcation")
 state = st.session_state
@@ -34,16 +43,17 @@ def _chosen() -> None:
 
 st.markdown("#### Bifurcation diagrams")
 a, b, c = st.columns([2.6, 1.2, 1.2], vertical_alignment="bottom")
-kind = a.segmented_control(
+kind = choice(
     "Line",
     LINES,
+    place=a,
     key="line",
     on_change=_chosen,
     format_func={
         "paper": "The paper's two lines",
         "rotor-mass": "Over mass, through my point",
         "bearing-number": "Over Λ, through my point",
-    }.get,
+    }.__getitem__,
 )
 coordinates = (
     b.pills(
@@ -62,8 +72,7 @@ sweeps = (
         selection_mode="multi",
         key="sweeps",
         help="cold: every point from rest; up, down: each point from where its neighbour ended, "
-        "which shows motions "
-        "that exist side by side",
+        "which shows motions that exist side by side",
     )
     or VIEW["sweeps"].default
 )
@@ -106,13 +115,13 @@ along, limits, unit = (
     ("mass", ROTOR_MASS_RANGE, "kg") if over_mass else ("number", BEARING_NUMBER_RANGE, "Λ")
 )
 row = point_bar()
-start = row.number_input(
-    f"From, {unit}", *limits, None, key=f"{along}_from", step=0.1, format="%.3f", width=160
+start = number_field(
+    f"From, {unit}", *limits, place=row, key=f"{along}_from", step=0.1, format="%.3f", width=160
 )
-stop = row.number_input(
-    f"To, {unit}", *limits, None, key=f"{along}_to", step=0.1, format="%.3f", width=160
+stop = number_field(
+    f"To, {unit}", *limits, place=row, key=f"{along}_to", step=0.1, format="%.3f", width=160
 )
-count = row.number_input("Points", 2, 2000, None, key="points", step=10, width=160)
+count = int(number_field("Points", 2, 2000, place=row, key="points", step=10, width=160))
 with row.popover("Solver", icon=":material/memory:"):
     solver_controls(cost=False)
 
@@ -123,12 +132,12 @@ with errors_in_words():
         "design": chosen_design().to_dict(),
         "vary": kind,
         "at": at,
-        "range": f"{start!r}:{stop!r}:{int(count)}",
+        "range": f"{start!r}:{stop!r}:{count}",
         "sweeps": sweeps,
         "settings": settings.to_dict(),
     }
     job = done_with_more("bifurcation", parameters)
-    points = int(count) * len(sweeps)
+    points = count * len(sweeps)
     seconds = (
         points * expected_seconds(settings, number if over_mass else start) / workers_for(points)
     )

@@ -28,7 +28,7 @@ from spab_core.ui.shared import (
     time_text,
 )
 from spab_core.ui.solving import live_point
-from spab_core.ui.view import set_point
+from spab_core.ui.view import choice, number_field, set_point
 
 page_head("surrogate map")
 
@@ -62,27 +62,30 @@ name = a.selectbox(
     help="Paper: the four of Kuo, Lee and Wang. Interpolation: what a designer would do without "
     "them.",
 )
-divisor = b.segmented_control(
-    "Cells trained on, of n solved ones", DIVISORS, key="divisor", format_func=lambda k: f"n/{k}"
+divisor = choice(
+    "Cells trained on, of n solved ones",
+    DIVISORS,
+    place=b,
+    key="divisor",
+    format_func=lambda k: f"n/{k}",
 )
-seed = c.number_input(
-    "Draw",
-    0,
-    999,
-    None,
-    key="draw",
-    help="Which cells are drawn to train on: another number, other cells",
+seed = int(
+    number_field(
+        "Draw",
+        0,
+        999,
+        place=c,
+        key="draw",
+        help="Which cells are drawn to train on: another number, other cells",
+    )
 )
 
 with errors_in_words():
-    predicted = predicted_map(name, divisor, int(seed))
+    predicted = predicted_map(name, divisor, seed)
 
 found = errors(m, predicted)
 row, column = _chosen_cell()
-shown, chosen = (
-    (name, divisor, int(seed)),
-    (float(m.bearing_number[row]), float(m.rotor_mass[column])),
-)
+shown, chosen = ((name, divisor, seed), (float(m.bearing_number[row]), float(m.rotor_mass[column])))
 figure = marked_surrogate_figure(mark_place("maps", shown, chosen), *shown)
 lives = error_by_regime(m, predicted)
 with d:
@@ -95,7 +98,7 @@ with d:
             "Errors": lives.rename_axis("where").reset_index,
         },
         {"npz": partial(prediction_npz, m, predicted)},
-        f"spab predict --model {name} --divisor {divisor} --seed {int(seed)} --out predicted.npz",
+        f"spab predict --model {name} --divisor {divisor} --seed {seed} --out predicted.npz",
     )
 spread = float(np.nanstd(m.mle))
 with st.container(horizontal=True, horizontal_alignment="distribute"):
@@ -110,8 +113,7 @@ with st.container(horizontal=True, horizontal_alignment="distribute"):
             "RMSE over deviation",
             f"{found['rmse_held_out'] / spread:.3f}",
             f"Held-out RMSE over the map's standard deviation, {spread:.3f} per revolution: 1 is "
-            "no better than the mean of "
-            "the map",
+            "no better than the mean of the map",
         ),
         (
             "RMSE, whole map",
@@ -160,7 +162,7 @@ else:
 if beside or state["sure"]:
     job = job_panel(
         "intervals",
-        {"model": name, "divisor": divisor, "seed": int(seed)},
+        {"model": name, "divisor": divisor, "seed": seed},
         "Compute its 90 % intervals",
         "intervals",
         auto=True,
@@ -181,8 +183,7 @@ if predicted.note:
     st.warning(f"Trained on this machine: {predicted.note}.")
 st.caption(
     f"{time_text(predicted)} Colours end at the 98th percentile of the error; training cells are "
-    "blank "
-    "there. Cells without an exponent are left out."
+    "blank there. Cells without an exponent are left out."
 )
 
 st.markdown("##### Where the error lives (held-out cells)")
@@ -200,7 +201,7 @@ st.dataframe(
 st.toggle("How sure is it? Regimes, intervals and probability of instability", key="sure")
 if state["sure"] and sure is None:
     st.caption("Its intervals are being computed: progress stands under the maps.")
-elif state["sure"]:
+elif sure and state["sure"]:
     scores, tested = uncertainty_scores(m, sure), sure.held_out
     bins, _ = reliability(m.regime[tested] != "periodic", sure.unstable[tested])
     cells = st.columns(5)
@@ -239,6 +240,5 @@ elif state["sure"]:
     )
     st.caption(
         "Intervals: split conformal, calibrated on a quarter of the training cells, for each "
-        "predicted regime apart. "
-        "Unstable: the exponent is not negative, the motion not periodic."
+        "predicted regime apart. Unstable: the exponent is not negative, the motion not periodic."
     )

@@ -23,7 +23,7 @@ from spab_core.ui.shared import (
     reference_ranking,
     reference_scores,
 )
-from spab_core.ui.view import CELLS, METRICS, chosen_design, design_words
+from spab_core.ui.view import CELLS, METRICS, choice, chosen_design, design_words
 
 page_head("model ranking")
 
@@ -38,10 +38,11 @@ with errors_in_words():
 st.markdown("#### Which model predicts the map best?")
 st.success(suggestion(best_first))
 a, b, c = st.columns([2, 2.4, 0.9], vertical_alignment="bottom")
-metric = a.segmented_control("Error", METRICS, key="metric", format_func=str.upper)
-kind = b.segmented_control(
+metric = choice("Error", METRICS, place=a, key="metric", format_func=str.upper)
+kind = choice(
     "Over",
     CELLS,
+    place=b,
     key="cells",
     format_func=lambda k: {"held_out": "held-out cells", "all": "whole map (as the paper counts)"}[
         k
@@ -71,8 +72,7 @@ with left:
     st.plotly_chart(figure, key="lines", width="stretch")
     st.caption(
         f"Means over {scores['seed'].nunique()} draws of the training cells, bars: one standard "
-        "deviation. Solid: the "
-        "paper's models, dotted: interpolation, dashed: others."
+        "deviation. Solid: the paper's models, dotted: interpolation, dashed: others."
     )
 with right:
     st.dataframe(
@@ -130,8 +130,7 @@ else:
     which = ", ".join(f"n/{k}" for k in sorted(blocks["divisor"].unique()))
     st.caption(
         f"Averages over {which}. A quarter of 10 × 10 rectangles of the plane holds no training "
-        "cell, errors are "
-        "measured there: what interpolation knows does not reach inside."
+        "cell, errors are measured there: what interpolation knows does not reach inside."
     )
 
 st.markdown(
@@ -153,10 +152,8 @@ beside = pd.DataFrame(
 st.dataframe(beside.style.format("{:.2f}"), width="stretch")
 st.caption(
     f"Ours over {deviation:.3f} per revolution. The paper does not tell its unit; its SVM column, "
-    "0.98 to 0.99, is "
-    "taken as one standard deviation of its map, so its numbers stand as printed. Two different "
-    "bearings: compare the "
-    "pattern."
+    "0.98 to 0.99, is taken as one standard deviation of its map, so its numbers stand as printed. "
+    "Two different bearings: compare the pattern."
 )
 
 st.markdown("##### On your own data")
@@ -170,13 +167,12 @@ if file is not None:
     with errors_in_words():
         samples = read_samples(file.getvalue())
         data = samples_bytes(samples)
-        left = (
+        dropped = (
             f", {samples.left_out:,} rows without an exponent left out" if samples.left_out else ""
         )
         st.caption(
-            f"{len(samples.mle):,} points{left}. {design_words().capitalize()} gives the linear "
-            "theory that some models "
-            "start from."
+            f"{len(samples.mle):,} points{dropped}. {design_words().capitalize()} gives the linear "
+            "theory that some models start from."
         )
         job = job_panel(
             "ranking",

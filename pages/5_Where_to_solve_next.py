@@ -7,17 +7,17 @@ from functools import partial
 import streamlit as st
 
 from spab_core.active_learning.committee import DAMPED
-from spab_core.active_learning.learning_curve import GOAL, goal, load_learning_curve
+from spab_core.active_learning.learning_curve import GOAL, LEARNING_CURVE, goal, load_learning_curve
 from spab_core.plotting.surrogates import REFINE_LAYERS, learning_curve_figure
-from spab_core.shipped.manifest import REFINED, checked_bytes
+from spab_core.shipped.manifest import ARTIFACTS, REFINED, checked_bytes
 from spab_core.ui.downloads import downloads
 from spab_core.ui.shared import drawn_refinement, errors_in_words, page_head, reference_refinement
-from spab_core.ui.view import JUDGED
+from spab_core.ui.view import JUDGED, choice
 
 page_head("where to solve next")
 
 with errors_in_words():
-    refined, rows = reference_refinement(), load_learning_curve()
+    refined, rows = reference_refinement(), load_learning_curve(LEARNING_CURVE)
 
 st.markdown("#### Which points should I solve next, and how few are enough?")
 found, share = goal(rows), [f"n/{k}" for k in GOAL]
@@ -25,11 +25,9 @@ solved = rows.groupby("divisor")["solved"].first()
 error, undamped, chaos = (found.loc[name] for name in ("rmse", "rmse_undamped", "chaos_f1"))
 words = (
     f"{solved[GOAL[0]]:,} chosen points ({share[0]}) predict the rest of the map with RMSE "
-    f"{error['refined']:.3f} per "
-    f"revolution and F1 of chaos {chaos['refined']:.3f}; {solved[GOAL[1]]:,} random points "
-    f"({share[1]}) with "
-    f"{error['random']:.3f} and {chaos['random']:.3f}, by the best model for each "
-    f"{error['best']:.3f} and "
+    f"{error['refined']:.3f} per revolution and F1 of chaos {chaos['refined']:.3f}; "
+    f"{solved[GOAL[1]]:,} random points ({share[1]}) with {error['random']:.3f} and "
+    f"{chaos['random']:.3f}, by the best model for each {error['best']:.3f} and "
     f"{chaos['best']:.3f}."
 )
 met = all(row[name] for row in (error, chaos) for name in ("met", "met_best"))
@@ -42,15 +40,13 @@ st.caption(
 
 left, right = st.columns([1.25, 1], gap="medium")
 with left:
-    layer = st.segmented_control("Predicted", REFINE_LAYERS, key="refine_layer")
+    layer = choice("Predicted", REFINE_LAYERS, key="refine_layer")
     figure = drawn_refinement(layer)
     st.plotly_chart(figure, key="plane", width="stretch")
     st.caption(
         f"Black: the {int(refined.solved.sum()):,} solved cells of {refined.batch.size:,}, from a "
-        "coarse start of "
-        f"{refined.metadata['start']} in {refined.metadata['batches']} batches. Colours: what "
-        "they predict. Stars: the "
-        "cells to solve next."
+        f"coarse start of {refined.metadata['start']} in {refined.metadata['batches']} batches. "
+        "Colours: what they predict. Stars: the cells to solve next."
     )
 with right:
     suggested = refined.suggestions()
@@ -89,14 +85,14 @@ with right:
             "solve_next",
             {"Plane": figure},
             {"Points": suggested.copy, "Learning curve": rows.copy},
-            {"npz": partial(checked_bytes, REFINED)},
+            {"npz": partial(checked_bytes, REFINED, ARTIFACTS)},
             command,
         )
     st.markdown("For a bearing of your own:")
     st.code(command, language="bash", wrap_lines=True)
 
 st.markdown("##### What choosing saves")
-judged = st.segmented_control(
+judged = choice(
     "Judged on",
     JUDGED,
     key="judged",
@@ -108,8 +104,6 @@ judged = st.segmented_control(
 st.plotly_chart(learning_curve_figure(rows, judged), key="curve", width="stretch")
 st.caption(
     f"Means over {rows['seed'].nunique()} seeds, bars: one standard deviation; both curves by the "
-    "same committee of "
-    "trees. Of all cells not solved, the hard ones are missing where they were chosen: a "
-    "designer's gain. The withheld "
-    "fifth is the same for both."
+    "same committee of trees. Of all cells not solved, the hard ones are missing where they were "
+    "chosen: a designer's gain. The withheld fifth is the same for both."
 )

@@ -5,41 +5,40 @@ stiffness and damping, whirl.
 import pandas as pd
 import streamlit as st
 
-from spab_core.linear_theory.coefficients import LEAST_STABLE, NAMES
+from spab_core.linear_theory.coefficients import FILM_WHIRL, NAMES, Coefficients
 from spab_core.linear_theory.summary import Derived
 from spab_core.plotting.bearing import coefficient_figure
+from spab_core.trajectory.assessment import assess
 from spab_core.ui.bearing import coefficient_downloads, derived_now, over_speed, over_whirl
 from spab_core.ui.design_form import design_fields, design_files
 from spab_core.ui.point_bar import point_bar
 from spab_core.ui.shared import errors_in_words, page_head
-from spab_core.ui.solving import waits_for_compiler
-from spab_core.ui.verdict import stability_box, verdict_box
-from spab_core.ui.view import AGAINST, chosen_design, chosen_point, design_option, point_options
+from spab_core.ui.solving import live_point, waits_for_compiler
+from spab_core.ui.verdict import assessment_box, point_verdict
+from spab_core.ui.view import (
+    AGAINST,
+    choice,
+    chosen_design,
+    chosen_point,
+    design_option,
+    point_options,
+)
 
 page_head("my bearing")
 
 
 def verdict(found: Derived) -> None:
-    """Whether the rotor rests on its film, in a sentence."""
-    whirl = found.whirl
-    if found.status != "ok":
-        verdict_box(f"{found.status[0].upper()}{found.status[1:]}.", "")
-    elif whirl is None:
-        stability_box("Stable at rest: every disturbance dies away without whirling.", True)
-    elif whirl.stable:
-        stability_box(
-            f"Stable at rest: the least stable whirl, {whirl.speed_rpm:,.0f} a minute, decays by "
-            f"{-whirl.growth:.3g} per revolution.",
-            True,
-        )
+    """What motion and equilibrium are worth; the motion is solved if it is not yet."""
+    with errors_in_words():
+        point = live_point(design, mass, number, words=False)
+    if point:
+        point_verdict(point)
     else:
-        stability_box(
-            f"Unstable at rest: a whirl of {whirl.speed_rpm:,.0f} a minute grows by "
-            f"{whirl.growth:.3g} per revolution. The page Operating point shows the orbit it grows "
-            "into.",
-            False,
-        )
-    st.caption("Linear theory around the static equilibrium, without unbalance.")
+        assessment_box(assess(design, None, found))
+    st.caption(
+        "First line: the motion with unbalance, from a cold start. Second line: linear theory "
+        "around the static equilibrium, without unbalance."
+    )
 
 
 def numbers(found: Derived) -> None:
@@ -55,7 +54,8 @@ def numbers(found: Derived) -> None:
     )
     cells[3].metric("Feeding number β", f"{found.feeding_number:.3g}", help="6 κ R² / (H_p C³)")
     cells[4].metric("Load number W", f"{found.load_number:.3g}", help="m_r g / (p_a R²)")
-    if found.status != "ok":
+    flow, film = found.gas_flow, found.least_film
+    if flow is None or film is None:  # it does not rest on its film
         return
     cells = st.columns(5)
     cells[0].metric(
@@ -68,16 +68,12 @@ def numbers(found: Derived) -> None:
         f"{found.attitude_angle:.1f}°",
         help="From the load to the journal's displacement, with the rotation",
     )
-    cells[2].metric(
-        "Thinnest film", f"{1e6 * found.least_film:.1f} µm", help="C (1 - e), at rest on the film"
-    )
+    cells[2].metric("Thinnest film", f"{1e6 * film:.1f} µm", help="C (1 - e), at rest on the film")
     cells[3].metric(
         "Gas flow, Nl/min",
-        f"{found.gas_flow.normal_litres:.3g}",
-        help="Through the porous wall, net (negative: "
-        "drawn in at the edges); litres a minute at 0 °C and 1.01325 bar. "
-        f"{found.gas_flow.mass:.3g} kg/s of air "
-        "at 20 °C",
+        f"{flow.normal_litres:.3g}",
+        help="Through the porous wall, net (negative: drawn in at the edges); litres a minute at 0 "
+        f"°C and 1.01325 bar. {flow.mass:.3g} kg/s of air at 20 °C",
     )
     cells[4].metric(
         "Whirl / speed",
@@ -86,9 +82,9 @@ def numbers(found: Derived) -> None:
     )
 
 
-def rows(found: Derived) -> pd.DataFrame:
+def rows(found: Coefficients) -> pd.DataFrame:
     """The eight coefficients, static and synchronous."""
-    table = {name: found.coefficients.column(name) for name in NAMES}
+    table = {name: found.column(name) for name in NAMES}
     return pd.DataFrame(table, index=["static", "synchronous"])
 
 
@@ -104,12 +100,14 @@ with right:
         st.stop()
     with errors_in_words():
         found = derived_now(design, mass, number)
-    verdict(found)
+    place = st.container()
     numbers(found)
-    if found.status == "ok":
+    with place:
+        verdict(found)
+    if found.coefficients:
         a, b = st.columns([2, 1], vertical_alignment="bottom")
-        against = a.segmented_control(
-            "Stiffness and damping of the film against", AGAINST, key="against"
+        against = choice(
+            "Stiffness and damping of the film against", AGAINST, place=a, key="against"
         )
         with b:
             coefficient_downloads(
@@ -117,26 +115,29 @@ with right:
                 mass,
                 number,
                 f"spab design coefficients{design_option()} --rotor-mass {mass:g} --rpm "
-                f"{0.25 * found.speed_rpm:.0f}:{1.5 * found.speed_rpm:.0f}:26 --out bearing.xlsx",
+                f"{0.25 * found.speed_rpm:.0f}:{1.5 * found.speed_rpm:.0f}:26 --out bearing.json",
             )
         if against == AGAINST[0]:
-            figure = coefficient_figure(
-                over_whirl(design, mass, number), "frequency", found.whirl and found.whirl.ratio
-            )
+            with errors_in_words():
+                figure = coefficient_figure(
+                    over_whirl(design, mass, number),
+                    "frequency",
+                    found.whirl.ratio if found.whirl else None,
+                )
         else:
             with st.spinner("Linearising at 26 speeds …"), errors_in_words():
                 figure = coefficient_figure(
-                    over_speed(design, mass, number, LEAST_STABLE), "speed", found.speed_rpm
+                    over_speed(design, mass, number, FILM_WHIRL), "speed", found.speed_rpm
                 )
         st.plotly_chart(figure, key="coefficients", width="stretch")
         st.caption(
             "Dotted, if in range: the rotor's least stable whirl. 1: synchronous."
             if against == AGAINST[0]
-            else "Dotted: this speed. Each at the rotor's least stable whirl: these give the "
-            "right limit of stability."
+            else "Dotted: this speed. Each at the film's whirl, followed over speed: these give "
+            "the right limit of stability."
         )
         st.dataframe(
-            rows(found),
+            rows(found.coefficients),
             column_config={
                 "_index": st.column_config.Column("N/m, N s/m", width=98),
                 **{

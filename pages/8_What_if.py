@@ -1,4 +1,4 @@
-"""What if: how the margin moves with the drawing, what a run-up crosses, two designs side by side."""
+"""What if: how the margin moves with the drawing, what a run-up crosses, two designs compared."""
 
 import math
 
@@ -29,9 +29,11 @@ from spab_core.ui.view import (
     SCANS,
     SPEEDS,
     WHAT_TABS,
+    choice,
     chosen_design,
     chosen_point,
     design_option,
+    number_field,
     show_usual,
 )
 
@@ -47,20 +49,20 @@ drawing, run_up, two = st.tabs(WHAT_TABS, key="what_tab", on_change="rerun")
 def change_the_drawing() -> None:
     """How the margin moves with each value of the drawing."""
     row = st.container(horizontal=True, vertical_alignment="bottom")
-    axis = row.segmented_control("Margin in", AXES, key="what_axis", required=True)
-    step = row.number_input(
+    axis = choice("Margin in", AXES, place=row, key="what_axis")
+    step = number_field(
         "Change of each value, %",
         100 * STEPS[0],
         100 * STEPS[1],
-        None,
-        1.0,
+        place=row,
         key="what_step",
+        step=1.0,
         width=200,
     )
-    scan = row.number_input(
+    scan = number_field(
         "Points sought to each side",
         *SCANS,
-        None,
+        place=row,
         key="what_scan",
         width=200,
         help="From half to twice the operating point; a band narrower than their distance can be "
@@ -120,18 +122,18 @@ def run_the_machine_up() -> None:
     row = st.container(horizontal=True, vertical_alignment="bottom")
     low, high = (design.speed_rpm(limit) for limit in BEARING_NUMBER_RANGE)
     first, last = (
-        row.number_input(
+        number_field(
             f"{name}, rpm",
             low,
             high,
-            None,
+            place=row,
             **show_usual(key, usual, (low, high)),
             format="%.0f",
             width=160,
         )
         for name, key, usual in (("From", "run_from", 0.05 * rpm), ("To", "run_to", 1.5 * rpm))
     )
-    count = row.number_input("Speeds", *SPEEDS, None, key="run_count", width=160)
+    count = number_field("Speeds", *SPEEDS, place=row, key="run_count", width=160)
     with errors_in_words():
         start, stop = first / design.speed_rpm(1.0), last / design.speed_rpm(1.0)
         asked = {
@@ -190,7 +192,7 @@ def two_designs() -> None:
             ("This design", design),
             (f"Other: {file.name if file else PRESETS[name].label}", other),
         )
-        records = {}
+        records: dict[str, dict[str, float | None]] = {}
         for box, (title, one) in zip(st.columns(2, gap="medium"), sides, strict=True):
             at = one.bearing_number(design.speed(number))
             with box:

@@ -3,6 +3,7 @@
 import streamlit as st
 
 from spab_core.plotting.surrogates import audit_figure
+from spab_core.shipped import manifest
 from spab_core.shipped.manifest import load_audit
 from spab_core.ui.documents import read_sections, show_sections
 from spab_core.ui.downloads import downloads
@@ -26,7 +27,7 @@ with errors_in_words():
             ("results.md", (AUDIT,)),
         )
     )
-    audited = load_audit()
+    audited = load_audit(manifest.AUDIT)
 
 with button:
     downloads(

@@ -1,21 +1,21 @@
-"""Rotors on spherical porous gas bearings: what they do at a rotor mass and bearing number, and how
-far trouble is.
+"""Rotors on spherical porous gas bearings: their motion at a rotor mass and bearing number, and the
+margin to instability.
 
 Data flows down this table; no package imports from a later one. The docstring of each package lists
 its modules.
 
 Package          What it answers
----------------  -------------------------------------------------------------------------------------------------
+---------------  ---------------------------------------------------------------------------
 common           What every other package may use, and what knows nothing of rotors.
 design           What is drawn: bearing, gas, rotor and contact.
 solver           Film and rotor advanced in time by compiled kernels, with the exact tangent.
 linear_theory    Small motions about the static equilibrium.
 trajectory       One operating point, from the cold start to its regime.
-maps             Many operating points: planes and lines, how far trouble is.
+maps             Many operating points: planes and lines, margins to instability.
 surrogates       Models that predict a map from some of its cells.
 active_learning  Where to solve next.
 shipped          What artifacts/ holds, and which trained models are opened.
-jobs             Long work in a process of its own, its state on disk.
+jobs             Background jobs: long work in a process of its own, its state on disk.
 plotting         Plotly figures from results.
 reporting        Results as files for others.
 cli              The command ``spab``.
@@ -40,18 +40,23 @@ from spab_core.maps.bifurcation import (
     save_bifurcation,
 )
 from spab_core.maps.compute import compute_map
+from spab_core.maps.solved_margin import SolvedMargin, solve_margin
 from spab_core.maps.stability_map import StabilityMap, load_map, save_map
+from spab_core.trajectory.assessment import Assessment, Limits
 from spab_core.trajectory.point import OperatingPoint, solve_point
 from spab_core.trajectory.run import simulate
 from spab_core.trajectory.settings import Settings
 
 __all__ = [
+    "Assessment",
     "Bifurcation",
     "Design",
     "DesignError",
     "InputError",
+    "Limits",
     "OperatingPoint",
     "Settings",
+    "SolvedMargin",
     "StabilityMap",
     "__version__",
     "chaotic_intervals",
@@ -67,6 +72,7 @@ __all__ = [
     "save_design",
     "save_map",
     "simulate",
+    "solve_margin",
     "solve_point",
     "static_equilibrium",
     "whirl_thresholds",

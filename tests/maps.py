@@ -90,7 +90,7 @@ def map_of_regimes(numbers, masses, codes):
         zero,
         zero,
         status,
-        zero.astype(int),
+        np.full(codes.shape, 600),
         {"design": reference_design().to_dict()},
     )
 

@@ -1,8 +1,9 @@
-"""What the solved cells of a plane say of all others: a committee of randomised trees, and how well
-it does on a solved map.
+"""Predict all cells of a plane from the solved ones by a committee of randomised trees; score it on
+a solved map.
 
-One committee of trees learns what linear theory leaves of the exponent, one the regime. How far the
-first one's trees disagree and how the second one's votes are split says what is in doubt."""
+One forest learns the difference between the exponent and linear theory, another the regime. The
+spread among the trees of the first and the split of votes of the second measure the doubt.
+"""
 
 from __future__ import annotations
 
@@ -37,9 +38,9 @@ class Prediction:
     Attributes
     ----------
     mle, deviation : ndarray, (n,)
-        Mean and standard deviation over the trees, per revolution; nan where fewer than two solved
+        Mean and standard deviation over the trees, per revolution; nan if fewer than two solved
         cells have an exponent.
-    probability : ndarray, (n, 4)
+    probability : ndarray, (n, 5)
         Share of the trees' votes for each of :data:`LABELS`.
     """
 
@@ -55,13 +56,13 @@ class Prediction:
 
     @property
     def unstable(self) -> Floats:
-        """Probability that the motion is not periodic, a run that fails (touchdown) included, (n,)."""
+        """Probability that the motion is not periodic, failed runs (touchdown) included, (n,)."""
         return 1.0 - self.probability[:, LABELS.index("periodic")]
 
     @property
     def impurity(self) -> Floats:
-        """Gini impurity of the regime, (n,): the expected rate of wrong labels if they were drawn
-        by their probabilities.
+        """Gini impurity of the regime, (n,): the expected rate of wrong labels if labels were drawn
+        with their probabilities.
         """
         impurity: Floats = 1.0 - np.square(self.probability).sum(1)
         return impurity
@@ -75,8 +76,7 @@ class Inputs:
     ----------
     features : ndarray of float32, (n, k)
         Bearing number and rotor mass scaled to [0, 1], ln(m Λ^p) for each p of :data:`POWERS`;
-        decay rate, whirl frequency and static eccentricity by linear theory, where its table is
-        given.
+        decay rate, whirl frequency and static eccentricity by linear theory if its table is given.
     bearing_number : ndarray, (n,)
     baseline : ndarray, (n,)
         Exponent that the trees start from, per revolution: that of linear theory, or 0.
@@ -92,9 +92,9 @@ def plane_inputs(
 ) -> Inputs:
     """Return the inputs of the committee for the cells of a plane.
 
-    Trees cut along axes, but borders, the periodic windows within chaos and other narrow bands run
-    along curves near which m Λ^p is constant, with a p that differs from band to band; p = 2 is the
-    dimensionless mass.
+    Trees split along the axes of their inputs, but borders and narrow bands, such as periodic
+    windows within chaos, run along curves of nearly constant m Λ^p, with another p for each band.
+    So powers m Λ^p are inputs too; p = 2 is the dimensionless mass.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def plane_inputs(
     rotor_mass : ndarray, (M,)
         kg on one bearing.
     table : LinearTable, optional
-        What linear theory knows of the design.
+        Linear theory of the design.
     """
     number, mass = (a.ravel() for a in np.meshgrid(bearing_number, rotor_mass, indexing="ij"))
     scaled = [(a - a.min()) / max(np.ptp(a), 1e-12) for a in (number, mass)]
@@ -124,14 +124,14 @@ def predict_plane(
     Parameters
     ----------
     inputs : Inputs
-        Of all n cells. The trees learn what the baseline leaves of the MLE times the bearing
-        number, which is nearly smooth where the exponent itself is steep.
+        Of all n cells. The trees learn the MLE less the baseline, times the bearing number, which
+        is nearly smooth where the exponent itself is steep.
     solved : ndarray of bool, (n,)
         The cells to learn from, at least one.
     mle : ndarray, (n,)
-        Per revolution; nan where a run failed.
+        Per revolution; nan if a run failed.
     regime : ndarray of str, (n,)
-        "" where a run failed.
+        "" if a run failed.
     seed : int
 
     Returns
@@ -159,7 +159,7 @@ def predict_plane(
 def scores(
     m: StabilityMap, mle: np.ndarray, regime: np.ndarray, cells: np.ndarray
 ) -> dict[str, float]:
-    """Return how well a prediction does on some cells of a solved map.
+    """Score a prediction on some cells of a solved map.
 
     Parameters
     ----------
@@ -175,8 +175,8 @@ def scores(
     Returns
     -------
     dict
-        Those of :func:`exponent_scores`, ``accuracy`` of regimes and ``chaos_f1``; nan where no
-        cell counts.
+        Those of :func:`exponent_scores`, ``accuracy`` of regimes and ``chaos_f1``; nan if no cell
+        counts.
     """
     regimes = regime_scores(m.regime.ravel()[cells], regime.ravel()[cells])
     return exponent_scores(m, mle.ravel(), cells) | {
@@ -188,8 +188,9 @@ def scores(
 def exponent_scores(m: StabilityMap, predicted: np.ndarray, cells: np.ndarray) -> dict[str, float]:
     """Return ``rmse``, ``mae`` and, over bearing numbers from :data:`DAMPED` on, ``rmse_undamped``.
 
-    Per revolution, over those of ``cells`` (n,) that have an exponent; ``predicted`` (n,). nan
-    where there are none."""
+    Per revolution, over those of ``cells`` (n,) that have an exponent, nan if there are none;
+    ``predicted`` has the shape (n,).
+    """
     truth = m.mle.ravel()
     known = cells & np.isfinite(truth)
     undamped = known & (np.repeat(m.bearing_number, len(m.rotor_mass)) >= DAMPED - 1e-9)

@@ -1,5 +1,5 @@
-"""Is refining worth it: errors over the number of solved cells, chosen by
-:mod:`spab_core.active_learning.refine` and drawn at random.
+"""What refining saves: errors over the number of solved cells, chosen by
+:mod:`spab_core.active_learning.refine` or drawn at random.
 """
 
 from __future__ import annotations
@@ -12,12 +12,7 @@ import numpy as np
 import pandas as pd
 from sklearn.metrics import f1_score
 
-from spab_core.active_learning.committee import (
-    exponent_scores,
-    plane_inputs,
-    predict_plane,
-    scores,
-)
+from spab_core.active_learning.committee import exponent_scores, plane_inputs, predict_plane, scores
 from spab_core.active_learning.oracles import map_oracle
 from spab_core.active_learning.refine import START, refine
 from spab_core.common.errors import InputError
@@ -56,7 +51,7 @@ def learning_curve(
     models: Sequence[str] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> pd.DataFrame:
-    """Compare the errors of refining with those of the same numbers of cells drawn at random.
+    """Compare the errors of refining with those of as many cells drawn at random.
 
     Parameters
     ----------
@@ -75,13 +70,13 @@ def learning_curve(
         ``model``: ``committee``, the trees of
         :func:`spab_core.active_learning.committee.predict_plane`, or a name of ``MODELS`` (random
         draws of n/4 only; chaos is where it predicts an exponent over :data:`CHAOTIC_MLE`).
-        ``judged``: ``unsolved``, on all cells not solved, which are not the same cells for both; or
-        ``withheld``, on a random fifth of the cells that neither may solve.
+        ``judged``: ``unsolved``, on all cells not solved, other cells for each strategy; or
+        ``withheld``, on a random fifth of the cells that neither strategy may solve.
 
     Raises
     ------
     InputError
-        For a map with too few cells.
+        If the map has too few cells.
     """
     if m.mle.size < 16 * START:
         raise InputError(
@@ -162,10 +157,10 @@ def _model_scores(
     )
 
 
-def load_learning_curve(path: Path = LEARNING_CURVE) -> pd.DataFrame:
+def load_learning_curve(path: Path) -> pd.DataFrame:
     """Read the rows that ``python benchmarks/learning_curve.py`` wrote.
 
-    Raises :class:`InputError` where they cannot be read.
+    Raises :class:`InputError` if they cannot be read.
     """
     try:
         rows = pd.read_csv(path)
@@ -181,8 +176,7 @@ def load_learning_curve(path: Path = LEARNING_CURVE) -> pd.DataFrame:
     except (OSError, ValueError) as error:
         raise InputError(
             f"cannot read the learning curve {path} ({error}): `python "
-            "benchmarks/learning_curve.py` writes it "
-            "again"
+            "benchmarks/learning_curve.py` writes it again"
         ) from None
     return rows
 
@@ -197,8 +191,8 @@ def summary(rows: pd.DataFrame, judged: str = "unsolved") -> pd.DataFrame:
 
 
 def goal(rows: pd.DataFrame, judged: str = "unsolved") -> pd.DataFrame:
-    """Judge the goal of refining: n/16 cells refined at least as good as n/4 drawn at random, by
-    ``rmse`` and ``chaos_f1``.
+    """Check the goal of refining: n/16 chosen cells predict at least as well as n/4 drawn at
+    random, by ``rmse`` and ``chaos_f1``.
 
     Returns
     -------

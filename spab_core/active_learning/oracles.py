@@ -1,5 +1,5 @@
-"""Where :func:`spab_core.active_learning.refine.refine` gets the values of the cells it picks: out
-of a solved map, or solved live.
+"""Oracles: give :func:`spab_core.active_learning.refine.refine` the values of the cells it picks,
+out of a solved map or by solving them.
 """
 
 from __future__ import annotations
@@ -15,6 +15,6 @@ live_oracle = partial(cell_solver, chunk_cells=CHUNK)
 
 
 def map_oracle(m: StabilityMap) -> CellSolver:
-    """Return an oracle that takes values from a solved map: for studies, where the truth is known."""
+    """Return an oracle that takes values from a solved map, for studies of refining."""
     flat = {name: getattr(m, name).ravel() for name in FIELDS}
     return lambda cells: {name: values[cells] for name, values in flat.items()}

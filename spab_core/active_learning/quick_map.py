@@ -1,5 +1,5 @@
-"""A map of one's own bearing in minutes: a coarse plane at once, then cells where regimes are in
-doubt, until time is up.
+"""Map a bearing within minutes: solve a coarse plane first, then cells where regimes are in doubt,
+until the time is up.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from spab_core.common.validation import check_number
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.design.model import Design
 from spab_core.linear_theory.linear_table import LinearTable, linear_table, shipped_table
-from spab_core.maps.stability_map import StabilityMap, axis, check_plane
+from spab_core.maps.stability_map import OPTIONAL, StabilityMap, axis, check_plane
 from spab_core.trajectory.provenance import map_metadata
 from spab_core.trajectory.settings import Settings
 
@@ -33,14 +33,14 @@ _KEPT_BACK = 0.05  # of the time, for the last prediction and the file
 
 
 def usual_plane(design: Design) -> tuple[str, str]:
-    """Return axes for a design, start:stop:count: bearing numbers 0.05 to 8.5, and rotor masses of
+    """Return the default axes for a design: bearing numbers 0.05 to 8.5, and rotor masses that give
     the loads of the reference map.
 
     Returns
     -------
     bearing_number, rotor_mass : str
-        As for ``stability_map.axis``. The largest mass weighs 0.67 p_a R², as the reference
-        bearing's 25 kg; times the supply pressure ratio where that is above one.
+        start:stop:count, as for ``stability_map.axis``. The largest mass weighs 0.67 p_a R², like
+        25 kg on the reference bearing, times the supply pressure ratio if that is above one.
     """
     lift = design.force_unit * max(design.bearing.supply_pressure_ratio, 1.0)
     gravity = design.rotor.gravity or 9.81
@@ -67,7 +67,9 @@ def check_quick_map(
 
 
 def check_cluster(address: str) -> str:
-    """Return the address of a Dask scheduler, "" for none; raise ``InputError`` for anything else."""
+    """Return the address of a Dask scheduler, "" for none; raise ``InputError`` if it is no
+    address.
+    """
     if not isinstance(address, str) or not re.fullmatch(
         r"((tcp|tls|ws|wss)://[\w.:\[\]-]{1,200}:\d{1,5})?", address
     ):
@@ -79,7 +81,7 @@ def check_cluster(address: str) -> str:
 
 
 def _table(design: Design, number: np.ndarray, mass: np.ndarray) -> LinearTable | None:
-    """Return the table of linear theory over the plane; None where the design has no static
+    """Return the table of linear theory over the plane; None if the design has no static
     equilibrium.
     """
     if len(number) < 2 or len(mass) < 2:
@@ -122,7 +124,7 @@ def quick_map(
     settings : Settings
         Of each solved cell.
     seconds : float
-        Wall time from now; cells found in ``checkpoint`` cost none of it.
+        Wall time from now; cells found in ``checkpoint`` take none of it.
     seed : int
         Of the choice of cells.
     checkpoint : Path
@@ -131,14 +133,14 @@ def quick_map(
     workers : int
         Processes.
     cluster : str
-        Address of a Dask scheduler to solve there instead.
+        Address of a Dask scheduler whose workers solve instead.
     progress : callable
         Called with the seconds gone since the last call.
 
     Yields
     ------
     Refinement
-        The result so far: after the coarse plane, and after each batch.
+        The result so far, after the coarse plane and after each batch.
 
     Raises
     ------
@@ -183,8 +185,9 @@ def quick_map(
 
 
 def _goals_in_time(goals: Iterable[int], end: float) -> Iterator[int]:
-    """Yield goals, each no further than the pace of the batch before allows until ``end``, a
-    reading of ``time.perf_counter``; stop where that is less than a chunk.
+    """Yield how many cells to solve up to the end of each batch, as many as the pace of the last
+    batch allows before ``end``, a reading of ``time.perf_counter``; stop when less than a chunk is
+    left.
     """
     solved, batch, since = 0, 0, 0.0
     for goal in goals:
@@ -199,12 +202,13 @@ def _goals_in_time(goals: Iterable[int], end: float) -> Iterator[int]:
 
 
 def as_map(r: Refinement) -> StabilityMap:
-    """Return solved cells as they are and the others as predicted, as one map for margins and
-    figures; ``r.solved`` tells them apart.
+    """Return solved and predicted cells as one map for margins and figures; ``r.solved`` tells them
+    apart.
 
-    A predicted cell has the committee's deviation as its standard error, the period and the contact
-    of the nearest solved cell of its regime, and no revolutions; where a run is predicted to fail,
-    the status of the nearest that did."""
+    A predicted cell takes the committee's deviation as standard error, period, contact and orbit
+    from the nearest solved cell of its regime, and 0 revolutions. If its run is predicted to fail,
+    it takes the status of the nearest failed cell.
+    """
     solved = {name: values.copy() for name, values in r.values.items()}
     open_cells = ~r.solved
     solved["mle"][open_cells] = np.where(r.regime == "", np.nan, r.mle)[open_cells]
@@ -217,7 +221,7 @@ def as_map(r: Refinement) -> StabilityMap:
         wanted = open_cells & (r.regime == regime)
         source = like if like.any() else r.solved
         _, (row, column) = distance_transform_edt(~source, return_indices=True)
-        for name in ("period", "contact_share", "max_eccentricity", "status"):
+        for name in ("period", "contact_share", "max_eccentricity", "status", *OPTIONAL):
             solved[name][wanted] = r.values[name][row[wanted], column[wanted]]
         if regime and not like.any():
             solved["period"][wanted], solved["status"][wanted] = int(regime == "periodic"), "ok"

@@ -1,12 +1,13 @@
-"""Where to solve next: picks the cells of a plane worth solving, from a coarse start, and predicts
-the others.
+"""Where to solve next: solve a coarse start, pick the cells of a plane worth solving, predict the
+others.
 
-The committee of :mod:`spab_core.active_learning.committee` learns from the solved cells. Cells are
-then drawn, a batch at a time, where it expects to be wrong: by the variance of the exponent among
-its trees (the expected squared error) for one part of a batch, in proportion to the impurity of the
-regime (the expected rate of wrong labels, which lives at the borders) for the rest; never two
-neighbours in one batch. A choice depends on the solved values, the seed and the number of the batch
-alone, so a run that was killed makes the same choices again."""
+The committee of :mod:`spab_core.active_learning.committee` learns from the solved cells. It then
+draws cells in batches where it expects errors: part of a batch by the variance of the exponent
+among its trees (the expected squared error), the rest in proportion to the impurity of the regime
+(the expected rate of wrong labels, largest at the borders); never two neighbours in one batch. The
+choice depends only on the solved values, the seed and the number of the batch, so a run that is
+resumed makes the same choices.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +30,15 @@ from spab_core.common.validation import check_number
 from spab_core.design.model import Design
 from spab_core.linear_theory.linear_table import LinearTable
 from spab_core.maps.compute import CellSolver
-from spab_core.maps.stability_map import AXES, CELLS, FIELDS, MapError, check_plane, unsolved
+from spab_core.maps.stability_map import (
+    AXES,
+    CELLS,
+    FIELDS,
+    MapError,
+    check_plane,
+    unsolved,
+    with_unknown,
+)
 from spab_core.solver.stepping import STATUS
 
 MIN_START = 16  # cells
@@ -44,7 +53,7 @@ BATCH = 16
 # borders between regimes too
 EXPONENT_SHARE, THEORY_SHARE = 0.3, 0.85
 SHARPNESS = 1.25  # the power of the variance to which draws are proportional
-# impurity below which no cell is taken to be: an island that no solved cell has met can be found
+# least impurity of any cell, so that islands which no solved cell has met can be found
 EXPLORE = 1e-3
 SUGGESTIONS = 24  # cells named to be solved next
 
@@ -53,8 +62,9 @@ def choose_start(shape: tuple[int, int], count: int, seed: int, allowed: np.ndar
     """Return space-filling cells, flat indices (count,) among ``allowed`` (n,), from an additive
     recurrence with a random offset.
 
-    The steps are powers of the plastic number's inverse: points k times them, modulo 1, fill a
-    square evenly for every k."""
+    The steps are powers of the inverse of the plastic number: the points k * steps modulo 1, k = 0,
+    1, 2 ..., fill a square evenly, however many there are.
+    """
     rng = np.random.default_rng([seed, 0])
     steps = 1.324717957244746 ** -np.arange(1.0, 3.0)
     points = (rng.random(2) + np.arange(20 * count)[:, None] * steps) % 1.0
@@ -76,20 +86,20 @@ def choose_next(
     batch: int,
     share: float = EXPONENT_SHARE,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Choose a batch at random: first weighted by the variance of the exponent, then by the
-    impurity of the regime, never two neighbours.
+    """Draw a batch, part weighted by the variance of the exponent and part by the impurity of the
+    regime, never two neighbours.
 
     Parameters
     ----------
     prediction : Prediction
     free : ndarray of bool, (n,)
-        Cells that may be chosen: never a solved one.
+        Cells that may be chosen; no solved cell is among them.
     shape : tuple of int
         (bearing numbers, rotor masses).
     size : int
         At most the number of free cells.
     seed, batch : int
-        Seed of the random numbers: two batches have others.
+        Seeds of the random numbers, which differ between batches.
     share : float
         Share of the batch that is chosen by the variance of the exponent.
 
@@ -139,18 +149,18 @@ class Refinement:
     rotor_mass : ndarray, (M,)
         kg on one bearing.
     batch : ndarray of int, (B, M)
-        In which batch a cell was solved, 0: the start; -1 where it is not solved.
+        Batch in which a cell was solved, 0 for the start; -1 if it is not solved.
     values : dict of ndarray, (B, M)
         Solved values by the names of ``stability_map.FIELDS``; nan, "" or 0 in cells that are not
         solved.
     mle, deviation : ndarray, (B, M)
         Predicted exponent per revolution and its standard deviation among the trees.
     regime : ndarray of str, (B, M)
-        Predicted; "" where the run is predicted to fail.
+        Predicted; "" if the run is predicted to fail.
     unstable : ndarray, (B, M)
-        Predicted probability that the motion is not periodic, a run that fails included.
+        Predicted probability that the motion is not periodic, failed runs included.
     suggested : ndarray of int, (k,)
-        Flat indices of the cells to solve next, empty where none is left.
+        Flat indices of the cells to solve next, empty if none is left.
     suggested_for_regime : ndarray of bool, (k,)
         Whether each is suggested for its regime rather than for its exponent.
     metadata : dict
@@ -170,7 +180,7 @@ class Refinement:
 
     @property
     def solved(self) -> np.ndarray:
-        """Which cells are solved, (B, M) of bool."""
+        """Mask (B, M) of the solved cells."""
         return self.batch >= 0
 
     def suggestions(self) -> pd.DataFrame:
@@ -235,8 +245,8 @@ def refine(
     goals: Iterable[int] | None = None,
     metadata: dict[str, Any] | None = None,
 ) -> Iterator[Refinement]:
-    """Solve ``budget`` cells of a plane, each batch where the cells solved before leave most in
-    doubt.
+    """Solve ``budget`` cells of a plane in batches, each where the prediction from the cells solved
+    so far is most in doubt.
 
     Parameters
     ----------
@@ -245,28 +255,28 @@ def refine(
         kg on one bearing.
     oracle : callable
         Solves cells, one of :mod:`spab_core.active_learning.oracles`: flat indices (k,) -> arrays
-        (k,) by the names of ``stability_map.FIELDS``. A cell that fails counts, and is not asked
-        for again.
+        (k,) by the names of ``stability_map.FIELDS``. A cell whose run fails counts as solved.
     budget : int
-        Cells solved in the end, the start included.
+        Cells to solve, the start included.
     seed : int
         Of all random numbers: the start, the trees and the choice of cells.
     allowed : ndarray of bool, (B, M), optional
         Cells that may be solved, at least ``budget`` of them; left out: all.
     table : LinearTable, optional
-        What linear theory knows of the design, for the committee to start from.
+        Linear theory of the design, which the committee starts from.
     share : float, optional
         Share of a batch that is chosen for the exponent rather than for the regime.
     goals : iterable of int, optional
-        How many cells are solved after each batch, the coarse start first; asked for when the batch
-        before is done. The run ends with it, or at ``budget``. Left out: :func:`batch_goals`.
+        How many cells are to be solved after each batch, the coarse start first; the next one is
+        taken when a batch is done. The run ends when it is exhausted, or at ``budget``. Left out:
+        :func:`batch_goals`.
     metadata : dict, optional
         Of the result; ``design`` is needed for :meth:`Refinement.suggestions`.
 
     Returns
     -------
     iterator of Refinement
-        The result so far after each batch; nothing is solved before it is asked for.
+        The result so far after each batch; each batch is solved when its result is requested.
 
     Raises
     ------
@@ -383,7 +393,7 @@ def save_refinement(result: Refinement, path: str | Path) -> None:
 
 
 def load_refinement(path: str | Path) -> Refinement:
-    """Read what :func:`save_refinement` wrote; nothing in it is ever unpickled.
+    """Read a file of :func:`save_refinement`; nothing is unpickled.
 
     Raises ``MapError`` for any other file.
     """
@@ -395,6 +405,7 @@ def load_refinement(path: str | Path) -> Refinement:
     if np.any(suggested >= count):
         raise _SCHEMA.refusal(path, f"suggested holds {suggested.max()}: it has {count} cells")
     Design.from_dict(found["metadata"]["design"])
+    found = with_unknown(found, found["batch"].shape)
     return Refinement(
         number,
         mass,

@@ -15,6 +15,8 @@ import numpy as np
 from spab_core.cli import options
 from spab_core.cli.design_map import add_map_options, design_map
 from spab_core.cli.options import Answer, Commands, Parser
+from spab_core.cli.point import assessment_lines
+from spab_core.cli.progress import say_compiling
 from spab_core.common.errors import InputError
 from spab_core.common.files import check_output
 from spab_core.design.form import bearing_number_of
@@ -22,24 +24,39 @@ from spab_core.design.limits import check_point
 from spab_core.design.model import Design, save_design
 from spab_core.design.presets import PRESETS, preset
 from spab_core.linear_theory.coefficients import (
-    LEAST_STABLE,
+    FILM_WHIRL,
     NAMES,
     Coefficients,
-    coefficients,
     coefficients_over_speed,
-    impedance,
+    coefficients_over_speed_and_frequency,
+    coefficients_over_whirl,
 )
 from spab_core.linear_theory.ross_table import (
-    FORMATS,
     check_table_output,
+    check_workbook,
+    coefficient_notes,
     coefficient_table,
+    coefficient_warnings,
     save_table,
 )
 from spab_core.linear_theory.summary import Derived, derive
 from spab_core.maps.stability_map import axis
 from spab_core.solver.film import Mesh, parse_mesh
+from spab_core.trajectory.assessment import assess
+from spab_core.trajectory.compiling import compile_once
+from spab_core.trajectory.point import solve_point
+from spab_core.trajectory.settings import Settings
 
 MAX_ROWS = 1000
+_OF_MOTION = (  # what `spab design show` tells of the motion with unbalance
+    "regime",
+    "period",
+    "contact_share",
+    "thin_film_share",
+    "peak_contact_force_n",
+    "max_eccentricity",
+    "orbit_amplitude",
+)
 
 
 def add_commands(commands: Commands) -> None:
@@ -49,7 +66,7 @@ def add_commands(commands: Commands) -> None:
 
     def command(name: str, text: str, run: Callable[[Namespace], Answer]) -> Parser:
         sub = options.add_command(subs, name, text, run, "--design")
-        sub.add_argument("--preset", help=f"in place of --design: {', '.join(PRESETS)}")
+        options.add_preset(sub)
         return sub
 
     sub = command(
@@ -61,6 +78,7 @@ def add_commands(commands: Commands) -> None:
     options.add(sub, "--rotor-mass", required=True)
     sub.add_argument("--rpm", type=options.number, help="shaft speed; or give --bearing-number")
     options.add(sub, "--bearing-number", "--mesh")
+    options.add_limits(sub)
 
     options.add_command(subs, "presets", "the designs that come with spab", _presets)
 
@@ -70,7 +88,7 @@ def add_commands(commands: Commands) -> None:
 
     sub = command(
         "coefficients",
-        "stiffness and damping at the static equilibrium as a table, as ROSS reads it",
+        "stiffness and damping at the static equilibrium as a table that ROSS reads",
         _coefficients,
     )
     options.add(sub, "--rotor-mass", required=True)
@@ -79,13 +97,18 @@ def add_commands(commands: Commands) -> None:
     sub.add_argument("--bearing-number", help=f"shaft speed as bearing number: {either}")
     sub.add_argument(
         "--whirl",
-        default=LEAST_STABLE,
-        help="whirl frequency over shaft speed: a number (1: synchronous), START:STOP:COUNT at "
-        f"one shaft speed, or {LEAST_STABLE} (left out): at each speed that of the rotor's least "
-        "stable whirl, which gives the right limit of stability",
+        help="left out: a table over shaft speed and whirl frequency, for every mode (an .xlsx, "
+        f"which ROSS reads as one over speed alone: {FILM_WHIRL}); or the whirl frequency over "
+        f"shaft speed: {FILM_WHIRL}, at each speed that of the film's whirl, followed by "
+        "continuity, for the limit of stability; a number (1: synchronous, for unbalance); "
+        "START:STOP:COUNT at one shaft speed",
     )
     sub.add_argument(
-        "--out", required=True, metavar="FILE", help=f"table; ends in {' or '.join(FORMATS)}"
+        "--out",
+        required=True,
+        metavar="FILE",
+        help="table; ends in .json (read by ross.BearingElement.load), .xlsx (by "
+        "ross.BearingElement.from_table; over speed alone) or .csv",
     )
     options.add(sub, "--mesh")
 
@@ -93,15 +116,9 @@ def add_commands(commands: Commands) -> None:
         "map",
         "the map of a bearing in minutes: cells solved where regimes are in doubt, the others "
         "predicted",
-        lambda args: design_map(args, _design(args)),
+        lambda args: design_map(args, options.design_of(args)),
     )
     add_map_options(sub)
-
-
-def _design(args: Namespace) -> Design:
-    if args.preset is not None and args.design is not None:
-        raise InputError("give either --design or --preset")
-    return options.design_of(args) if args.preset is None else preset(args.preset).design
 
 
 def _presets(args: Namespace) -> Answer:
@@ -146,12 +163,28 @@ def _finite(design: Design) -> dict[str, dict[str, Any]]:
 
 
 def _show(args: Namespace) -> Answer:
-    design = _design(args)
+    design, limits, mesh = options.design_of(args), options.limits_of(args), parse_mesh(args.mesh)
     number = bearing_number_of(design, args.bearing_number, args.rpm)
-    found = derive(design, args.rotor_mass, number, parse_mesh(args.mesh))
+    settings = Settings(mesh, revolutions=300)
+    found = derive(design, args.rotor_mass, number, mesh)
+    say_compiling(settings)
+    compile_once(settings)
+    point = solve_point(design, args.rotor_mass, number, settings)
+    judged, motion = assess(design, point.motion, found, limits), point.record(limits)
     if not args.json:
-        print("\n".join(_lines(found)))
-    return found.record() | {"design": _finite(design), "mesh": args.mesh}
+        print("\n".join([*_lines(found), *assessment_lines(judged)]))
+    return (
+        found.record()
+        | {name: motion[name] for name in _OF_MOTION}
+        | {
+            "assessment": judged.grade,
+            "assessment_reasons": list(judged.reasons),
+            "motion_least_film_m": motion["least_film_m"],
+            "motion_status": motion["status"],
+            "design": _finite(design),
+            "mesh": args.mesh,
+        }
+    )
 
 
 def _lines(d: Derived) -> list[str]:
@@ -166,6 +199,11 @@ def _lines(d: Derived) -> list[str]:
     ]
     if d.gas_flow is None or d.coefficients is None:
         return [*lines, d.status[0].upper() + d.status[1:]]
+    if d.lies_on_wall:
+        words = d.lift_words()
+        lines.append(
+            words[0].upper() + words[1:] + ": what follows is the wall's more than the film's"
+        )
     lines += [
         f"Static equilibrium: eccentricity {d.eccentricity:.4f} of the clearance, attitude angle "
         f"{d.attitude_angle:.1f} deg, thinnest film {1e6 * (d.least_film or 0.0):.2f} µm",
@@ -184,8 +222,8 @@ def _lines(d: Derived) -> list[str]:
     return lines
 
 
-def _values(text: str, name: str) -> np.ndarray | float:
-    """Read a range as an array, or one number."""
+def _values(text: str, name: str, nor: str = "") -> np.ndarray | float:
+    """Read a range as an array, or one number; ``nor`` names in the refusal what else there is."""
     if ":" in text:
         values = axis(text, name)
         if len(values) > MAX_ROWS:
@@ -197,7 +235,7 @@ def _values(text: str, name: str) -> np.ndarray | float:
         return float(text)
     except ValueError:
         raise InputError(
-            f"{name} = {text[:60]!r} is neither a number nor start:stop:count"
+            f"{name} = {text[:60]!r} is neither a number nor start:stop:count{nor}"
         ) from None
 
 
@@ -217,52 +255,63 @@ def _speeds(args: Namespace, design: Design) -> np.ndarray | float:
 
 
 def _coefficients(args: Namespace) -> Answer:
-    design, mesh = _design(args), parse_mesh(args.mesh)
+    design, mesh = options.design_of(args), parse_mesh(args.mesh)
     check_table_output(args.out)
-    speeds = _speeds(args, design)
-    whirl: np.ndarray | float | str = (
-        args.whirl if args.whirl == LEAST_STABLE else _values(args.whirl, "--whirl")
-    )
+    speeds, workbook = _speeds(args, design), args.out.lower().endswith(".xlsx")
+    whirl: np.ndarray | float | str | None = args.whirl
+    if whirl is None and workbook:
+        whirl = FILM_WHIRL
+    elif whirl is not None and whirl != FILM_WHIRL:
+        whirl = _values(args.whirl, "--whirl", f", nor {FILM_WHIRL}")
+    if workbook and isinstance(whirl, np.ndarray):
+        check_workbook("frequency")
     check_point(args.rotor_mass, float(np.max(speeds)))
-    against = "speed" if isinstance(speeds, np.ndarray) else "frequency"
     found = _solve(design, args.rotor_mass, speeds, whirl, mesh)
-    table = coefficient_table(found, against)
-    save_table(table, args.out)
+    save_table(found, args.out)
     if not args.json:
-        axis_name = "shaft speed" if against == "speed" else "whirl frequency"
-        text = f"{args.out}: {len(table)} rows against {axis_name}, rad/s, N/m, N s/m"
-        if found.missing:
-            text += f"; {len(found.missing)} speeds left out, which have no static equilibrium"
-        print(text)
+        print("\n".join(_table_lines(args.out, found)))
+    table = coefficient_table(found)
     return {
         "out": args.out,
-        "axis": against,
+        "axis": found.axis,
         "rows": table.to_dict("records"),
         "missing_speeds_rad_s": list(found.missing),
+        "notes": coefficient_notes(found),
     }
+
+
+def _table_lines(out: str, found: Coefficients) -> list[str]:
+    """Return what was written as lines of text."""
+    rows = f"{len(found.speed)} rows over {found.axis}, rad/s, N/m, N s/m"
+    lines = [f"{out}: {rows}; F_x = -kxx x - kxy y, F_y = -kyx x - kyy y"]
+    if found.modes:
+        first, last = found.modes[0], found.modes[-1]
+        lines.append(
+            f"Mode followed: {last.name}, from {first.ratio:.4g} of the speed, logarithmic "
+            f"decrement {first.log_decrement:.4g}, at the first to {last.ratio:.4g}, "
+            f"{last.log_decrement:.4g} at the last"
+        )
+    return lines + coefficient_warnings(found)
 
 
 def _solve(
     design: Design,
     rotor_mass: float,
     speeds: np.ndarray | float,
-    whirl: np.ndarray | float | str,
+    whirl: np.ndarray | float | str | None,
     mesh: Mesh,
 ) -> Coefficients:
     if isinstance(speeds, np.ndarray):
         if isinstance(whirl, np.ndarray):
             raise InputError(
-                "a table is against shaft speed or against whirl frequency: give a range to one "
-                "of them alone"
+                "give a range of shaft speeds or of whirl ratios alone; without --whirl the table "
+                "is over both"
             )
+        if whirl is None:
+            return coefficients_over_speed_and_frequency(design, rotor_mass, speeds, mesh=mesh)
         return coefficients_over_speed(design, rotor_mass, speeds, whirl, mesh)
     if not isinstance(whirl, np.ndarray):
         raise InputError(
             "a table needs a range: give START:STOP:COUNT to --rpm, --bearing-number or --whirl"
         )
-    z = impedance(design, rotor_mass, speeds, mesh)
-    if z is None:
-        raise InputError(
-            "there is no static equilibrium: the film does not carry this rotor at this speed"
-        )
-    return coefficients(z, whirl)
+    return coefficients_over_whirl(design, rotor_mass, speeds, whirl, mesh)

@@ -62,18 +62,15 @@ def design_map(args: Namespace, design: Design) -> Answer:
     bearing_number, rotor_mass = check_quick_map(*axes, 60.0 * args.minutes)
     check_number("--workers", args.workers, 1, options.MAX_WORKERS)
     check_number("--seed", args.seed, 0, options.MAX_SEED)
-    for name, path in (("--out", args.out), ("--map-out", args.map_out)):
-        if path is not None:
-            check_output(path, name)
+    check_output(args.out, "--out")
+    if args.map_out is not None:
+        check_output(args.map_out, "--map-out")
     cluster = check_cluster(args.dask or "") or None
     parts = Path(f"{args.out}.parts")
     say_compiling()
+    form = "{l_bar}{bar}| {n:.0f} of {total} s"
     with (
-        tqdm(
-            total=round(60.0 * args.minutes),
-            unit="s",
-            bar_format="{l_bar}{bar}| {n:.0f} of {total} s",
-        ) as bar,
+        tqdm(total=round(60.0 * args.minutes), unit="s", bar_format=form) as bar,
         resumable(bar, parts, "solved cells"),
     ):
         for result in quick_map(
@@ -92,16 +89,10 @@ def design_map(args: Namespace, design: Design) -> Answer:
     filled, solved = as_map(result), int(result.solved.sum())
     if args.map_out is not None:
         save_map(filled, args.map_out)
-    shares = {name: float((filled.regime == name).mean()) for name in (*REGIMES, "")}
+    shares = {name or NO_EXPONENT: float((filled.regime == name).mean()) for name in (*REGIMES, "")}
     if not args.json:
-        print(
-            f"{args.out}: {solved:,} of {result.batch.size:,} cells solved; of the plane "
-            + ", ".join(
-                f"{name or 'without exponent'} {100 * share:.1f} %"
-                for name, share in shares.items()
-                if share
-            )
-        )
+        told = ", ".join(f"{name} {100 * s:.1f} %" for name, s in shares.items() if s)
+        print(f"{args.out}: {solved:,} of {result.batch.size:,} cells solved; of the plane {told}")
     return {
         "out": args.out,
         "map_out": args.map_out,
@@ -109,5 +100,5 @@ def design_map(args: Namespace, design: Design) -> Answer:
         "solved": solved,
         "bearing_number": axes[0],
         "rotor_mass": axes[1],
-        "shares": {name or NO_EXPONENT: s for name, s in shares.items()},
+        "shares": shares,
     }

@@ -51,7 +51,8 @@ def _record(job: Job) -> Answer:
 
 def _line(job: Job) -> str:
     progress = f"{job.done:,} of {job.total:,}" if job.total else ""
-    return f"{job.id:<32} {job.state:<9} {progress:>16} {job.size / 1e6:8.2f} MB  {job.message}".rstrip()
+    size = job.size / 1e6
+    return f"{job.id:<32} {job.state:<9} {progress:>16} {size:8.2f} MB  {job.message}".rstrip()
 
 
 def _list(args: Namespace) -> Answer:

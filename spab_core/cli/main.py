@@ -8,12 +8,12 @@ import sys
 from pathlib import Path
 
 from spab_core._version import __version__
-from spab_core.cli import dashboard, design, jobs, maps, models, point, refine, surrogates
+from spab_core.cli import dashboard, design, jobs, maps, margin, models, point, refine, surrogates
 from spab_core.cli.options import Parser
 from spab_core.common.errors import InputError
 from spab_core.common.files import check_writable
 
-_GROUPS = (point, maps, surrogates, refine, models, jobs, design, dashboard)
+_GROUPS = (point, maps, margin, surrogates, refine, models, jobs, design, dashboard)
 
 
 def _build_parser() -> Parser:

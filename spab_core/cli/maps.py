@@ -1,5 +1,5 @@
-"""The commands that solve many operating points: map, bifurcation; and that read a solved map:
-margin, export.
+"""The commands that solve many operating points: map, bifurcation; and export, which reads a solved
+map.
 """
 
 from __future__ import annotations
@@ -16,9 +16,7 @@ from spab_core.cli.options import Answer, Commands
 from spab_core.cli.progress import resumable, say_compiling
 from spab_core.common.errors import InputError
 from spab_core.common.files import check_output, csv_bytes, write_atomically
-from spab_core.common.units import from_rpm
 from spab_core.common.validation import check_number
-from spab_core.design.limits import BEARING_NUMBER_RANGE
 from spab_core.maps.bifurcation import (
     SWEEPS,
     VARY,
@@ -29,9 +27,7 @@ from spab_core.maps.bifurcation import (
 )
 from spab_core.maps.checkpoints import Checkpoint, run_plan
 from spab_core.maps.compute import compute_map
-from spab_core.maps.margin import margin
 from spab_core.maps.stability_map import StabilityMap, axis, check_plane, load_map, save_map
-from spab_core.shipped.manifest import load_reference_map
 
 
 def add_commands(commands: Commands) -> None:
@@ -64,18 +60,6 @@ def add_commands(commands: Commands) -> None:
     options.add(sub, "--workers", *options.SOLVER)
 
     sub = options.add_command(
-        commands,
-        "margin",
-        "how far an operating point is from the nearest instability and chaos of a map",
-        _margin,
-        "--map",
-    )
-    options.add(sub, "--rotor-mass", required=True)
-    speed = sub.add_mutually_exclusive_group(required=True)
-    options.add(speed, "--bearing-number")
-    speed.add_argument("--rpm", type=options.number, help="shaft speed, of the map's design")
-
-    sub = options.add_command(
         commands, "export", "a map as NetCDF (.nc) or as a table (.csv)", _export
     )
     sub.add_argument("map", metavar="MAP.npz")
@@ -88,6 +72,7 @@ def _map(args: Namespace) -> Answer:
     cells = check_plane(bearing_number, rotor_mass)
     check_number("--workers", args.workers, 1, options.MAX_WORKERS)
     settings, design = options.settings_of(args), options.design_of(args)
+    settings.check_cold_start()
     check_output(args.out, "--out")
     parts = Path(f"{args.out}.parts")
     Checkpoint(parts, run_plan(design, bearing_number, rotor_mass, settings), {}).open()
@@ -126,6 +111,7 @@ def _bifurcation(args: Namespace) -> Answer:
     check_output(args.out, "--out")
     sweeps = args.sweeps.split(",")
     check_line(args.vary, args.at, values, sweeps)
+    settings.check_cold_start()
     parts = Path(f"{args.out}.parts")
     say_compiling(settings)
     with (
@@ -153,23 +139,6 @@ def _bifurcation(args: Namespace) -> Answer:
             where = f"chaotic at {args.vary} {text}" if found else "nowhere chaotic"
             print(f"{args.out}: {name}: {where}")
     return {"out": args.out, "points": len(values), "chaotic_intervals": intervals}
-
-
-def _margin(args: Namespace) -> Answer:
-    m = load_reference_map() if args.map is None else load_map(args.map)
-    number = args.bearing_number
-    if number is None:
-        low, high = (m.design.speed_rpm(b) for b in BEARING_NUMBER_RANGE)
-        check_number("--rpm", args.rpm, low, high, "rpm")
-        number = m.design.bearing_number(from_rpm(args.rpm))
-    found = margin(m, args.rotor_mass, number)
-    if not args.json:
-        print(
-            f"{found.here} at {found.rotor_mass:g} kg and {found.speed_rpm:,.0f} rpm (bearing "
-            f"number {number:.4g})"
-        )
-        print("\n".join([found.headline(), *found.sentences()]))
-    return found.record()
 
 
 def _export(args: Namespace) -> Answer:

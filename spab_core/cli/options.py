@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import sys
 from collections.abc import Callable
 from typing import Any, NoReturn, TypeAlias
 
+from spab_core.common.errors import InputError
 from spab_core.design.model import Design, load_design, reference_design
-from spab_core.solver.film import DEFAULT_MESH, SCHEMES
+from spab_core.design.presets import PRESETS, preset
+from spab_core.solver.film import AUTO
 from spab_core.solver.stepping import DEFAULT_TOLERANCE, METHODS
+from spab_core.trajectory.assessment import DEFAULT_LIMITS, Limits
 from spab_core.trajectory.settings import Settings
 
 Answer = dict[str, Any]  # what --json prints
@@ -52,7 +56,6 @@ SOLVER = (
     "--transient",
     "--revolutions",
     "--method",
-    "--scheme",
     "--tolerance",
     "--full-length",
 )
@@ -61,16 +64,13 @@ _SHARED: dict[str, dict[str, Any]] = {
     "--json": {"action": "store_true", "help": "print one JSON object"},
     "--design": {"metavar": "FILE.toml", "help": "design file; left out: the reference design"},
     "--mesh": {
-        "default": str(DEFAULT_MESH),
-        "help": "latitudes x azimuths of the half band, such as 4x48",
+        "default": str(AUTO),
+        "help": "latitudes x azimuths of the half band, such as 3x24; auto: those that the design "
+        "and the eccentricity ask for",
     },
     "--transient": {"type": whole, "default": 300, "help": "revolutions before the measurement"},
     "--revolutions": {"type": whole, "default": 300, "help": "revolutions measured"},
     "--method": {"default": "rodas", "help": f"time integrator: {' or '.join(METHODS)}"},
-    "--scheme": {
-        "default": "fitted",
-        "help": f"difference scheme of the film: {' or '.join(SCHEMES)}",
-    },
     "--tolerance": {
         "type": number,
         "default": DEFAULT_TOLERANCE,
@@ -96,6 +96,55 @@ _SHARED: dict[str, dict[str, Any]] = {
         "help": "of the draw of the training cells and of the model; left out: 0",
     },
 }
+
+
+# of what is good: option, attribute of Limits, what one of it is there, help
+_LIMITS = (
+    (
+        "--least-film",
+        "least_film",
+        1e-6,
+        "thinnest film allowed, µm; left out: the larger of 3 µm and five roughness lengths",
+    ),
+    ("--max-eccentricity", "eccentricity", 1.0, "largest eccentricity allowed, over the clearance"),
+    (
+        "--calm-eccentricity",
+        "calm_eccentricity",
+        1.0,
+        "largest eccentricity that needs no watching, over the clearance",
+    ),
+    ("--max-orbit", "orbit", 1.0, "largest orbit of a whirl, over the clearance"),
+    (
+        "--separation",
+        "separation",
+        1.0,
+        "separation of a lightly damped vibration from the speed, in times that of API 617; 0: not "
+        "judged",
+    ),
+)
+
+
+def add_limits(parser: argparse._ActionsContainer) -> None:
+    """Add the options of what is good."""
+    for name, attribute, unit, text in _LIMITS:
+        usual = getattr(DEFAULT_LIMITS, attribute)
+        left_out = "" if usual is None else f"; left out: {usual / unit:g}"
+        parser.add_argument(name, type=number, dest=f"limit_{attribute}", help=text + left_out)
+
+
+def limits_of(args: argparse.Namespace) -> Limits:
+    """Return the limits of what is good."""
+    given = {
+        attribute: getattr(args, f"limit_{attribute}") * unit
+        for _, attribute, unit, _ in _LIMITS
+        if getattr(args, f"limit_{attribute}") is not None
+    }
+    return dataclasses.replace(DEFAULT_LIMITS, **given)
+
+
+def add_preset(parser: argparse._ActionsContainer) -> None:
+    """Add the option that names a preset in place of a design file."""
+    parser.add_argument("--preset", help=f"in place of --design: {', '.join(PRESETS)}")
 
 
 def add_command(
@@ -137,11 +186,15 @@ def settings_of(args: argparse.Namespace) -> Settings:
         args.transient,
         args.revolutions,
         args.tolerance,
-        args.scheme,
         not args.full_length,
     )
 
 
 def design_of(args: argparse.Namespace) -> Design:
-    """Return the design of --design, or the reference design."""
+    """Return the design of --design or --preset, or the reference design."""
+    name = getattr(args, "preset", None)
+    if name is not None and args.design is not None:
+        raise InputError("give either --design or --preset")
+    if name is not None:
+        return preset(name).design
     return reference_design() if args.design is None else load_design(args.design)

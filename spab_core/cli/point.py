@@ -15,9 +15,12 @@ from spab_core.design.limits import BEARING_NUMBER_RANGE, check_point
 from spab_core.linear_theory.equilibrium import concentric_stiffness
 from spab_core.linear_theory.whirl import whirl_thresholds
 from spab_core.solver.film import parse_mesh
+from spab_core.trajectory.assessment import Assessment
 from spab_core.trajectory.compiling import compile_once
 from spab_core.trajectory.point import OperatingPoint, solve_point
+from spab_core.trajectory.point_file import save_point
 from spab_core.trajectory.run import path_angle
+from spab_core.trajectory.starts import WHIRLING, start_of
 
 _ORBIT_REVOLUTIONS = 50
 
@@ -34,8 +37,15 @@ def add_commands(commands: Commands) -> None:
     sub.add_argument(
         "--orbit", metavar="FILE.csv", help="write the last orbits, 96 points a revolution"
     )
+    sub.add_argument(
+        "--start",
+        metavar="FILE.npz",
+        help=f"start from the last state of a point file (--out), or {WHIRLING}: on a large orbit; "
+        "left out: from rest",
+    )
+    sub.add_argument("--out", metavar="FILE.npz", help="write the solved point")
     options.add(sub, *options.SOLVER)
-    sub.set_defaults(revolutions=400)
+    options.add_limits(sub)
     for name, text, run in (
         ("stiffness", "static stiffness of the film about the centre", _stiffness),
         (
@@ -50,7 +60,15 @@ def add_commands(commands: Commands) -> None:
 
 def _simulate(args: Namespace) -> Answer:
     settings, design = options.settings_of(args), options.design_of(args)
+    limits = options.limits_of(args)
     check_point(args.rotor_mass, args.bearing_number)
+    start = None
+    if args.start is None:
+        settings.check_cold_start()
+    else:
+        start = start_of(args.start, design, args.rotor_mass, args.bearing_number, settings.mesh)
+    if args.out is not None:
+        check_output(args.out, "--out")
     if args.orbit is not None:
         check_output(args.orbit, "--orbit")
     say_compiling(settings)
@@ -61,12 +79,17 @@ def _simulate(args: Namespace) -> Answer:
         args.bearing_number,
         settings,
         path_revolutions=0 if args.orbit is None else _ORBIT_REVOLUTIONS,
+        start=start,
     )
+    if args.out is not None:
+        save_point(point, args.out)
     if args.orbit is not None:
         write_atomically(args.orbit, _orbit_csv(point))
-    record = point.record()
+    record = point.record(limits)
     if not args.json:
-        print(point.verdict())
+        pushed = point.push_words()
+        lines = [*assessment_lines(point.assessment(limits)), *([pushed] if pushed else [])]
+        print("\n".join(lines))
         if point.mle:
             print(
                 f"MLE {point.mle.value:+.4f} ± {point.mle.standard_error:.4f} per revolution at "
@@ -75,6 +98,11 @@ def _simulate(args: Namespace) -> Answer:
                 f"{record['revolutions']} revolutions in {record['wall_seconds']:.2f} s"
             )
     return record
+
+
+def assessment_lines(found: Assessment) -> list[str]:
+    """Return a verdict's lines: motion, equilibrium, reasons."""
+    return [found.motion, found.rest, *(f"- {reason}" for reason in found.reasons)]
 
 
 def _orbit_csv(point: OperatingPoint) -> bytes:
@@ -92,14 +120,14 @@ def _orbit_csv(point: OperatingPoint) -> bytes:
 def _stiffness(args: Namespace) -> Answer:
     design = options.design_of(args)
     check_number("bearing number", args.bearing_number, *BEARING_NUMBER_RANGE)
-    kxx, kyx = concentric_stiffness(design, args.bearing_number, parse_mesh(args.mesh))
+    kxx, kxy = concentric_stiffness(design, args.bearing_number, parse_mesh(args.mesh))
     unit = design.stiffness_unit
     if not args.json:
         print(
-            f"K_xx = {kxx:.5f}, K_yx = {kyx:.5f} (p_a R² / C); {kxx * unit:.4g} and "
-            f"{kyx * unit:.4g} N/m"
+            f"K_xx = K_yy = {kxx:.5f}, K_yx = -K_xy = {-kxy:.5f} (p_a R² / C); {kxx * unit:.4g} "
+            f"and {-kxy * unit:.4g} N/m; F_x = -K_xx X - K_xy Y, F_y = -K_yx X - K_yy Y"
         )
-    return {"kxx": kxx, "kyx": kyx, "kxx_n_per_m": kxx * unit, "kyx_n_per_m": kyx * unit}
+    return {"kxx": kxx, "kyx": -kxy, "kxx_n_per_m": kxx * unit, "kyx_n_per_m": -kxy * unit}
 
 
 def _whirl_threshold(args: Namespace) -> Answer:

@@ -15,7 +15,7 @@ from spab_core.cli.options import Answer, Commands
 from spab_core.cli.progress import step_bar
 from spab_core.common.errors import InputError
 from spab_core.common.files import check_output, csv_bytes, write_atomically
-from spab_core.common.validation import check_number
+from spab_core.common.validation import check_choice, check_number
 from spab_core.design.limits import check_point
 from spab_core.maps.stability_map import StabilityMap, load_map
 from spab_core.shipped.manifest import ARTIFACTS, load_reference_map
@@ -85,7 +85,7 @@ def add_commands(commands: Commands) -> None:
 
 
 def _load(args: Namespace) -> StabilityMap:
-    return load_reference_map() if args.map is None else load_map(args.map)
+    return load_reference_map(ARTIFACTS) if args.map is None else load_map(args.map)
 
 
 def _whole_numbers(text: str, name: str, low: int, high: int) -> list[int]:
@@ -105,10 +105,7 @@ def _whole_numbers(text: str, name: str, low: int, high: int) -> list[int]:
 def _evaluate(args: Namespace) -> Answer:
     names = args.models or (UNCERTAIN if args.uncertainty else ",".join(MODELS))
     models = [model(name.strip()) for name in names.split(",")]
-    if args.split not in SPLITS:
-        raise InputError(
-            f"--split = {args.split[:40]!r} is not allowed: choose {', '.join(SPLITS)}"
-        )
+    check_choice("--split", args.split, SPLITS)
     divisors = _whole_numbers(args.divisors, "--divisors", 2, 100_000)
     check_number("--seeds", args.seeds, 1, 1000)
     check_number("--workers", args.workers, 1, options.MAX_WORKERS)

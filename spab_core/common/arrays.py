@@ -59,7 +59,7 @@ class Array:
     required: bool = True
 
     def along(self, *shape: str | int, **changes: Any) -> Array:
-        """Return the same values in another shape, with other ``changes`` of the attributes."""
+        """Return a copy with another shape and ``changes`` to the attributes."""
         return replace(self, shape=shape, **changes)
 
 
@@ -87,15 +87,15 @@ class Schema:
     advice: str = ""
 
     def refusal(self, source: str | os.PathLike[str] | bytes, why: object) -> InputError:
-        """Return the error for a file that is refused, to be raised."""
+        """Return the error to raise for a file that does not fit the schema."""
         name = "" if isinstance(source, bytes) else f" {str(source)!r}"
         reason = " ".join(str(why).split())[:300]
         return self.error(f"cannot read the {self.what}{name}: {reason}{self.advice}")
 
     @contextlib.contextmanager
     def reading(self, source: str | os.PathLike[str] | bytes) -> Iterator[None]:
-        """Turn the errors of what is done with a file's content into :meth:`refusal`; an
-        :class:`InputError` passes.
+        """Re-raise errors in the block, which reads a file's content, as :meth:`refusal`; let an
+        :class:`InputError` pass.
         """
         try:
             yield
@@ -146,7 +146,7 @@ def load(
 
 
 def _checked(name: str, array: Array, file: Npz, sizes: dict[str, int]) -> np.ndarray:
-    """Return one array; raise ``ValueError`` with a clause for a sentence."""
+    """Return an array cast to its dtype; raise ``ValueError`` if kind, shape or values differ."""
     shape, dtype = file.header(name)
     wanted = np.dtype(array.dtype)
     if dtype.kind != wanted.kind:
@@ -194,7 +194,7 @@ def _check_values(name: str, array: Array, values: np.ndarray) -> None:
 
 
 def _refuse(name: str, values: np.ndarray, wrong: np.ndarray, allowed: str) -> None:
-    """Raise ``ValueError`` with the first value that is wrong and its place, if there is one."""
+    """Raise ``ValueError`` with the first wrong value and its index, if any is wrong."""
     if np.any(wrong):
         at = tuple(int(k) for k in np.argwhere(wrong)[0])
         place = f" at {list(at)}" if at else ""

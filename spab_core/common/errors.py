@@ -1,10 +1,10 @@
-"""Errors in what a person gave, told in one sentence without a traceback."""
+"""Errors in user input, told in one sentence without a traceback."""
 
 from __future__ import annotations
 
 
 class InputError(ValueError):
-    """An input is wrong; the message is a sentence that names it and says what is allowed."""
+    """An input is wrong; the message names the field, its value and what is allowed."""
 
 
 class DesignError(InputError):

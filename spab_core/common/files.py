@@ -1,4 +1,4 @@
-"""Write files whole or not at all, and tables as CSV; check beforehand that they can be written."""
+"""Write files atomically and tables as CSV; check beforehand that a file can be written."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _T = TypeVar("_T")
 
 
 def check_output(path: str | os.PathLike[str], name: str) -> None:
-    """Raise :class:`InputError` unless a regular file can be written at ``path``: in a folder that
-    exists, where nothing or a file stands. ``name`` is the option or field in the message.
+    """Raise :class:`InputError` unless ``path`` is a regular file, or does not exist in a folder
+    that does. ``name`` is the option or field named in the message.
     """
     target = Path(path)
     if (
@@ -36,7 +36,7 @@ def check_output(path: str | os.PathLike[str], name: str) -> None:
 
 
 def write_atomically(path: str | os.PathLike[str], data: bytes) -> None:
-    """Write a file whole or not at all: to a temporary file beside it, which is then renamed.
+    """Write a file atomically: to a temporary file beside it, which is then renamed.
 
     Where ``path`` is a link, the file that it points to is replaced.
     """
@@ -60,8 +60,8 @@ _WAITS = (0.01, 0.03, 0.1, 0.3, 0.5)  # seconds
 
 
 def patiently(action: Callable[[], _T]) -> _T:
-    """Do something with a file; where it is denied, try again for a second: Windows denies it while
-    others have the file open.
+    """Call ``action``; if it is denied access to a file, try again for a second: Windows denies
+    access while another process has the file open.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def patiently(action: Callable[[], _T]) -> _T:
     Raises
     ------
     PermissionError
-        The last one, where it is still denied.
+        If access is still denied after a second.
     """
     for wait in _WAITS:
         try:
@@ -84,9 +84,9 @@ def patiently(action: Callable[[], _T]) -> _T:
 
 
 def check_writable(folder: Path, name: str) -> None:
-    """Raise ``InputError`` unless files can be made in a folder; to be called before long work.
+    """Raise ``InputError`` unless files can be created in a folder; call it before long work.
 
-    ``name`` is what is to be written, in the message.
+    ``name`` is the file named in the message.
     """
     if folder.is_dir():
         trial = folder / f".{secrets.token_hex(4)}.tmp"
@@ -100,6 +100,6 @@ def check_writable(folder: Path, name: str) -> None:
 
 
 def csv_bytes(table: pd.DataFrame) -> bytes:
-    """Return a table as CSV, the same bytes on every system."""
+    """Return a table as CSV; the bytes are the same on every system."""
     text: str = table.to_csv(index=False, lineterminator="\n")
     return text.encode()

@@ -1,8 +1,8 @@
-"""NPZ files: the same arrays are written as the same bytes; files from strangers are read safely.
+"""Write NPZ files, the same arrays as the same bytes; read NPZ files of any origin safely.
 
-Nothing is unpickled. Sizes are known before memory is taken: a small file that unpacks to
-gigabytes, or an array whose header names more cells than the file holds, is refused by what its
-headers say."""
+Nothing is unpickled. Sizes are taken from the headers before memory is allocated: a small file that
+unpacks to gigabytes, or an array whose header claims more elements than the file holds, is refused.
+"""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ import numpy as np
 MAX_BYTES = 500_000_000
 MAX_TEXT_BYTES = 20_000_000  # of one text, four bytes a character
 _DIRECTORY_BYTES = 1_000_000  # read in one go; the arrays are read in pieces of 2**18
-_KINDS = "biufUS"  # no objects, structures or times
+_KINDS = "biufUS"  # neither objects, structures nor times
 _PACKED = (
     zipfile.ZIP_STORED,
     zipfile.ZIP_DEFLATED,
 )  # as numpy packs; of others no part can be unpacked alone
 
-# whatever numpy, zipfile, zlib and json raise for a file that is damaged or no NPZ, and numbers for
-# what is no number
+# what numpy, zipfile, zlib, json and conversions to numbers raise for a file that is damaged or no
+# NPZ
 UNREADABLE = (
     OSError,
     ValueError,
@@ -53,8 +53,8 @@ UNREADABLE = (
 
 
 class _InPieces(io.BufferedReader):
-    """A file that refuses to read more than :data:`_DIRECTORY_BYTES` at once: a ZIP archive may
-    claim a directory of any length.
+    """A file that refuses to read more than :data:`_DIRECTORY_BYTES` at once, since a ZIP archive
+    may claim a directory of any length.
     """
 
     def read(self, size: int | None = -1, /) -> bytes:
@@ -64,10 +64,11 @@ class _InPieces(io.BufferedReader):
 
 
 class Npz:
-    """The arrays of an open NPZ file by name, read when asked for.
+    """An open NPZ file; its arrays are read by name, on demand.
 
-    Every method raises one of :data:`UNREADABLE` for an array that is not there or not what its
-    header says."""
+    Every method raises one of :data:`UNREADABLE` for an array that is missing or differs from its
+    header.
+    """
 
     def __init__(self, archive: zipfile.ZipFile):
         self._archive = archive
@@ -85,12 +86,12 @@ class Npz:
     def header(self, name: str, most: int = MAX_BYTES) -> tuple[tuple[int, ...], np.dtype]:
         """Return shape and dtype of an array without unpacking it.
 
-        Raises ``ValueError`` too where the array is longer than its file or than ``most`` bytes.
+        Raises ``ValueError`` if the array is larger than its file or than ``most`` bytes.
         """
         with self._open(name) as file:
             version = np.lib.format.read_magic(file)
             if version not in ((1, 0), (2, 0)):
-                raise ValueError(f"{name[:60]!r} is written in an unknown way")
+                raise ValueError(f"{name[:60]!r} has an unknown kind of header")
             read = (
                 np.lib.format.read_array_header_1_0
                 if version == (1, 0)
@@ -131,8 +132,8 @@ def open_npz(source: str | os.PathLike[str] | bytes) -> Iterator[Npz]:
     Raises
     ------
     Exception
-        One of :data:`UNREADABLE`, as for every array read: for what is no NPZ file, is damaged, or
-        would unpack to more than :data:`MAX_BYTES`.
+        One of :data:`UNREADABLE`, here or when an array is read, for a file that is damaged, is no
+        NPZ file, or would unpack to more than :data:`MAX_BYTES`.
     """
     raw: io.RawIOBase
     if isinstance(source, bytes):
@@ -144,11 +145,11 @@ def open_npz(source: str | os.PathLike[str] | bytes) -> Iterator[Npz]:
         )
         if not stat.S_ISREG(os.fstat(raw.fileno()).st_mode):
             raw.close()
-            raise ValueError("it is no regular file")
+            raise ValueError("it is not a regular file")
     with _InPieces(raw) as file, zipfile.ZipFile(file) as archive:
         members = archive.infolist()
         if any(member.compress_type not in _PACKED for member in members):
-            raise ValueError("it is packed in another way than NPZ files are")
+            raise ValueError("it is compressed in another way than NPZ files")
         size = sum(member.file_size for member in members)
         if size > MAX_BYTES:
             raise ValueError(f"it unpacks to {size:,} bytes: allowed are at most {MAX_BYTES:,}")
@@ -156,7 +157,7 @@ def open_npz(source: str | os.PathLike[str] | bytes) -> Iterator[Npz]:
 
 
 def npz_bytes(arrays: dict[str, Any]) -> bytes:
-    """Return arrays as the bytes of a compressed NPZ file; the same arrays give the same bytes."""
+    """Return arrays as a compressed NPZ file; the same arrays give the same bytes."""
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)
     return buffer.getvalue()

@@ -1,6 +1,4 @@
-"""Folders outside the repository that only this user can enter: where they lie, and how files in
-them are read.
-"""
+"""Find, create and read folders outside the repository that only this user can enter."""
 
 from __future__ import annotations
 
@@ -13,7 +11,7 @@ from spab_core.common.errors import InputError
 from spab_core.common.files import patiently
 
 _FLAGS = os.O_RDONLY
-for _name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY"):  # no link, no waiting for a pipe
+for _name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY"):  # follow no link, do not wait for a pipe
     _FLAGS |= getattr(os, _name, 0)  # not every system has all
 
 
@@ -25,13 +23,13 @@ def wanted_folder(
     what: str,
     error: type[InputError] = InputError,
 ) -> Path:
-    """Return $``variable``, else $``base_variable``/``name`` or, on Windows, %LOCALAPPDATA%/``name``,
+    """Return $``variable``, else $``base_variable``/``name`` (Windows: %LOCALAPPDATA%/``name``),
     else ~/``base``/``name``. The folder may not exist.
 
     Raises
     ------
     error
-        Where there is no home folder; the message says that ``what`` cannot be kept.
+        If there is no home folder; the message says that ``what`` cannot be kept.
     """
     if os.environ.get(variable):
         return Path(os.environ[variable]).absolute()
@@ -49,13 +47,13 @@ def wanted_folder(
 def private_folder(
     path: Path, variable: str, what: str, error: type[InputError] = InputError
 ) -> Path:
-    """Return the folder, made with mode 0700 if need be.
+    """Return the folder; create it with mode 0700 if it does not exist.
 
     Raises
     ------
     error
-        Where it cannot be made or written, is not a folder, belongs to someone else, or can be
-        entered by others.
+        If it cannot be made or written, is not a folder, belongs to someone else, or can be entered
+        by others.
     """
     try:
         path.mkdir(parents=True, exist_ok=True, mode=0o700)

@@ -1,4 +1,4 @@
-"""Processes of ours: modules of the package run by another Python; an end with the parent."""
+"""Start modules of the package in a new process; end worker processes with their parent."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ from spab_core.common.paths import IMPORTED_FROM
 
 
 def module_command(name: str, *arguments: str) -> tuple[list[str], dict[str, str]]:
-    """Return command and environment that run a module of this very package, from any folder."""
+    """Return the command and environment that run a module of this installation from any folder."""
     before = os.environ.get("PYTHONPATH")
     path = os.pathsep.join([str(IMPORTED_FROM), *([before] if before else [])])
     return [sys.executable, "-P", "-m", name, *arguments], os.environ | {"PYTHONPATH": path}
 
 
 def end_with_parent(parent: int) -> None:
-    """End this process once the one that started it has ended, also where that was killed.
+    """End this process when its parent ends, even if the parent was killed.
 
-    A worker process calls it first, with the number of its parent."""
+    Call it first in a worker process, with the parent's process id.
+    """
 
     def watch() -> None:
         with contextlib.suppress(psutil.NoSuchProcess):

@@ -1,7 +1,8 @@
-"""A hash of what source code does: the same for every layout, place of its files and Python.
+"""Hash source code by its syntax tree: the same for every layout, folder and Python version.
 
-Models and results kept on disk are named by it, so they stay valid where code is reformatted,
-commented or moved, and on another Python."""
+Models and results on disk are named by it, so they stay valid when code is reformatted, commented
+or moved, and on another Python version.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ _SILENT = {"ctx", "kind", "type_comment", "type_params"}
 
 
 def _left_out(node: object) -> bool:
-    """Return whether a statement does not count: imports, docstrings, the part run as a script."""
+    """Return whether a statement is left out: an import, a docstring, the part run as a script."""
     if isinstance(node, ast.If):
         return ast.unparse(node.test).replace('"', "'") == "__name__ == '__main__'"
     return isinstance(node, (ast.Import, ast.ImportFrom)) or (
@@ -24,8 +25,8 @@ def _left_out(node: object) -> bool:
 
 
 def _pieces(values: list[ast.expr]) -> list[ast.expr | str]:
-    """Return the parts of an f-string, adjacent texts joined and empty ones left out: Pythons cut
-    them differently.
+    """Return the parts of an f-string with adjacent texts joined and empty ones dropped, since
+    Python versions split them differently.
     """
     joined: list[Any] = [""]
     for value in values:
@@ -48,14 +49,14 @@ def _canonical(node: object) -> str:
     }
     if isinstance(node, ast.JoinedStr):
         said["values"] = _pieces(node.values)
-    return f"{type(node).__name__}({','.join(f'{name}={_canonical(said[name])}' for name in sorted(said))})"
+    fields = ",".join(f"{name}={_canonical(said[name])}" for name in sorted(said))
+    return f"{type(node).__name__}({fields})"
 
 
 def source_hash(sources: Iterable[bytes]) -> str:
-    """Hash Python sources by their top-level statements, in whatever files and order these stand.
+    """Hash Python sources by their top-level statements, whatever their files and order.
 
-    Comments, docstrings, layout, imports and what runs under ``if __name__ == "__main__"`` count
-    for nothing.
+    Comments, docstrings, layout, imports and the block ``if __name__ == "__main__"`` are ignored.
 
     Parameters
     ----------

@@ -1,8 +1,9 @@
-"""Check numbers that a person gave."""
+"""Check numbers that a user gave."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 from spab_core.common.errors import DesignError
 
@@ -17,14 +18,14 @@ def check_number(
     infinite: bool = False,
     open_low: bool = False,
 ) -> float:
-    """Return ``value`` as a float if it lies in the allowed range.
+    """Return ``value`` as a float; raise if it is not a number or outside the allowed range.
 
     Parameters
     ----------
     name : str
         What to call the value in the message.
     value : object
-        What the person gave.
+        What the user gave.
     low, high : float
         The allowed range, both ends included (``low`` excluded where ``open_low``).
     unit : str
@@ -38,7 +39,8 @@ def check_number(
         If it is not a number or out of range; the message names the field, the value and the range.
     """
     unit = f" {unit}" if unit else ""
-    allowed = f"{'more than' if open_low else 'from'} {low:g} {'up ' if open_low else ''}to {high:g}{unit}"
+    begin = f"more than {low:g} up" if open_low else f"from {low:g}"
+    allowed = f"{begin} to {high:g}{unit}"
     if infinite:
         allowed += ", or inf"
     if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -51,3 +53,11 @@ def check_number(
     if not inside and not (infinite and number == math.inf):
         raise DesignError(f"{name} = {number:g}{unit} is out of range: allowed is {allowed}")
     return number
+
+
+def check_choice(name: str, value: object, allowed: Collection[object]) -> None:
+    """Raise :class:`DesignError` with the allowed values if ``value`` is not one of them."""
+    if value not in allowed:
+        raise DesignError(
+            f"{name} = {str(value)[:40]!r} is not allowed: choose {', '.join(map(str, allowed))}"
+        )

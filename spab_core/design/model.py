@@ -54,7 +54,7 @@ def _number(
 
 @dataclass(frozen=True)
 class _Checked:
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for f in fields(self):
             m = f.metadata
             number = check_number(
@@ -106,21 +106,18 @@ class Bearing(_Checked):
         "supply pressure over ambient (1: open to ambient)",
     )
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         super().__post_init__()
         if self.clearance > 0.05 * self.radius:
             raise DesignError(
-                f"bearing.clearance = {self.clearance:g} m is out of range: the thin-film "
-                "equation needs "
-                f"at most a twentieth of the radius, {0.05 * self.radius:g} m"
+                f"bearing.clearance = {self.clearance:g} m is out of range: the thin-film equation "
+                f"needs at most a twentieth of the radius, {0.05 * self.radius:g} m"
             )
         if not self.feeding_number <= MAX_FEEDING_NUMBER:
             raise DesignError(
-                f"bearing.permeability = {self.permeability:g} m2 is out of range for this "
-                "radius, clearance and "
-                "wall thickness: the feeding number 6 kappa R²/(H_p C³) would be "
-                f"{self.feeding_number:.3g}; "
-                f"allowed is at most {MAX_FEEDING_NUMBER:g}"
+                f"bearing.permeability = {self.permeability:g} m2 is out of range for this radius, "
+                "clearance and wall thickness: the feeding number 6 kappa R²/(H_p C³) would be "
+                f"{self.feeding_number:.3g}; allowed is at most {MAX_FEEDING_NUMBER:g}"
             )
 
     @property
@@ -207,16 +204,14 @@ class Contact(_Checked):
         "contact damping, per dimensionless radial speed",
     )
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         super().__post_init__()
         at_centre = self.force_at_closure * math.exp(-1.0 / self.roughness)
         if at_centre > 1e-9:
             raise DesignError(
                 f"contact.roughness = {self.roughness:g} is out of range for "
-                "contact.force_at_closure = "
-                f"{self.force_at_closure:g}: the contact force at the centre, f0 exp(-1/s), would "
-                "be "
-                f"{at_centre:.2g}; allowed is at most 1e-09"
+                f"contact.force_at_closure = {self.force_at_closure:g}: the contact force at the "
+                f"centre, f0 exp(-1/s), would be {at_centre:.2g}; allowed is at most 1e-09"
             )
 
 
@@ -314,7 +309,7 @@ class Design:
         return {section: dataclasses.asdict(getattr(self, section)) for section in _SECTIONS}
 
     @classmethod
-    def from_dict(cls, data: dict) -> Design:
+    def from_dict(cls, data: dict[str, Any]) -> Design:
         """Build from nested dictionaries; values left out take those of the reference design.
 
         Raises
@@ -382,7 +377,7 @@ def read_design_bytes(data: bytes, name: str = "file") -> Design:
         raise DesignError(f"design file {name[:100]!r}: {error}") from None
 
 
-def load_design(path: str | os.PathLike) -> Design:
+def load_design(path: str | os.PathLike[str]) -> Design:
     """Read a design file.
 
     Raises :class:`DesignError` as :func:`read_design_bytes`, and where the file cannot be read.
@@ -413,7 +408,7 @@ def design_toml(design: Design) -> str:
     return "\n".join(lines)
 
 
-def save_design(design: Design, path: str | os.PathLike) -> None:
+def save_design(design: Design, path: str | os.PathLike[str]) -> None:
     """Write the design as TOML, atomically."""
     write_atomically(path, design_toml(design).encode())
 

@@ -1,4 +1,4 @@
-"""Long work in a process of its own, its state on disk.
+"""Background jobs: long work in a process of its own, with its state on disk.
 
 Module               What it answers
 -------------------  ----------------------------------------

@@ -1,7 +1,8 @@
-"""What a background job can be (:mod:`spab_core.jobs.store`): one entry of :data:`KINDS` each.
+"""The kinds of background jobs (:mod:`spab_core.jobs.store`): one entry of :data:`KINDS` each.
 
-Modules with scikit-learn are imported inside the kinds that need them: the worker of another kind
-starts a second earlier."""
+Modules that load scikit-learn are imported inside the kinds that need them, so that workers of
+other kinds start a second earlier.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from typing import Any, Protocol
 from spab_core.common.errors import InputError
 from spab_core.common.files import write_atomically
 from spab_core.common.private_folders import own_bytes
-from spab_core.common.validation import check_number
+from spab_core.common.validation import check_choice, check_number
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
 from spab_core.maps.bifurcation import SWEEPS, check_line, compute_bifurcation, save_bifurcation
@@ -42,7 +43,7 @@ Advance = Callable[[int], None]  # advance(n): n more are done
 
 
 class SetTotal(Protocol):
-    """Takes how many there are to do, and how many of them an earlier run has left."""
+    """Callback that takes how much there is to do, and how much of it an earlier run has done."""
 
     def __call__(self, total: int, kept: int = 0) -> None: ...
 
@@ -60,19 +61,19 @@ class JobKind:
     label : str
         Its name on pages.
     request : type
-        Dataclass of the job's parameters. Made from what was given, it is complete and in one
-        spelling, in plain JSON values, so that equal requests become equal. Raises ``InputError``.
+        Dataclass of the job's parameters. It fills in defaults and writes every value in one way,
+        as plain JSON, so that equal requests compare equal. Raises ``InputError``.
     run : callable
         ``run(folder, parameters, advance, set_total)`` does the work in the worker and writes
-        ``result`` into the folder, where it may keep what another start needs; the folder
-        ``parts`` there is deleted after the end. Raises ``InputError`` where it cannot.
+        ``result`` into the folder. It may keep there what another start needs; the subfolder
+        ``parts`` is deleted at the end. Raises ``InputError`` if the work cannot be done.
     result : str
         Name of the result's file in the job's folder.
     grows : bool
-        Whether the result is written more than once, better each time: one that is there need not
+        Whether the result is written repeatedly, better each time, so that an existing one need not
         be the last.
     resumes : bool
-        Whether another start goes on from what was solved before.
+        Whether another start resumes from the solved part.
     """
 
     label: str
@@ -84,11 +85,13 @@ class JobKind:
 
     @property
     def again(self) -> str:
-        """What to do after the job was stopped, in words."""
+        """Advice after the job was stopped, in words."""
         return "start it again to go on" if self.resumes else "start it again from the beginning"
 
     def check(self, parameters: Values) -> Values:
-        """Return the parameters complete and in one spelling. Raise ``InputError``."""
+        """Return the parameters with defaults filled in, as plain JSON values; raise ``InputError``
+        if one is wrong.
+        """
         known = [f.name for f in fields(self.request)]
         required = {
             f.name for f in fields(self.request) if MISSING is f.default is f.default_factory
@@ -106,7 +109,7 @@ class JobKind:
 
 
 def workers_for(tasks: int) -> int:
-    """Return how many processes to use: those of this machine, at most two; one where starting a
+    """Return how many processes to use: at most two or the cores of this machine; one if starting a
     second does not pay.
     """
     return min(2, os.cpu_count() or 1) if tasks > _FEW else 1
@@ -351,9 +354,7 @@ class _IntervalsRequest:
         from spab_core.shipped.provenance import INTERVALS_RECIPE, recipe_hash
         from spab_core.surrogates.models import DIVISORS, model
 
-        if self.divisor not in DIVISORS:
-            allowed = ", ".join(map(str, DIVISORS))
-            raise InputError(f"divisor = {str(self.divisor)[:20]} is not allowed: choose {allowed}")
+        check_choice("divisor", self.divisor, DIVISORS)
         now = {
             "map": read_manifest().get(REFERENCE_MAP, {}).get("sha256"),
             "recipe": recipe_hash(INTERVALS_RECIPE),

@@ -1,12 +1,13 @@
 """Jobs and their state on disk: submit, find, list, cancel, delete.
 
-A job outlives the page that asked for it, and the server. It is a folder: ``job.json`` (request and
-state), ``log.txt``, what the work keeps, its result. The folder's name holds a hash of the request,
-the solver and the version, so nothing is computed twice. Only the holder of ``.lock`` writes
-``job.json``: the worker (:mod:`spab_core.jobs.worker`) while it lives, else whoever starts it; a
-state "running" with a free lock means that the worker was killed. To cancel is to leave a file
-``cancel``: the worker sees it and ends itself and its children, so no process is signalled by a
-number read from a file."""
+A job outlives the page that started it, and the server. It is a folder with ``job.json`` (request
+and state), ``log.txt``, checkpoints and the result. The folder's name contains a hash of the
+request, the solver and the version, so nothing is computed twice. Only the holder of ``.lock``
+writes ``job.json``: the worker (:mod:`spab_core.jobs.worker`) while it lives, else the process that
+starts it. A state "running" with a free lock means that the worker was killed. A job is cancelled
+by a file ``cancel`` in its folder: the worker sees it and ends itself and its children, so that no
+process is signalled by a number read from a file.
+"""
 
 from __future__ import annotations
 
@@ -66,25 +67,25 @@ _LARGEST = 3e10  # of any number there: a date in the year 2920; Windows knows n
 
 
 class JobError(InputError):
-    """The job does not exist, is damaged, or its state does not allow what was asked."""
+    """The job does not exist, is damaged, or is in a state that does not allow the operation."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """A job as it stands.
+    """A job with its present state.
 
     Attributes
     ----------
     id, kind : str
         ``kind`` is a key of :data:`spab_core.jobs.kinds.KINDS`.
     parameters : dict
-        Complete, as checked.
+        Checked, with defaults filled in.
     state : str
         One of :data:`STATES`.
     done, total : int
         In the kind's own units; ``total`` is 0 until it is known.
     created, started, finished : float
-        Seconds since 1970; the latter two None before. ``started`` is the last start.
+        Seconds since 1970; the latter two are None until then. ``started`` is the last start.
     message : str
         What went wrong, or what the job waits for.
     folder : Path
@@ -121,8 +122,8 @@ class Job:
 
 
 def jobs_folder() -> Path:
-    """Return the folder of jobs, made if need be: $SPAB_JOBS, else $XDG_DATA_HOME/spab/jobs, else
-    ~/.local/share/spab/jobs. Raise :class:`JobError` where it cannot be used.
+    """Return the folder of jobs, created if needed: $SPAB_JOBS, else $XDG_DATA_HOME/spab/jobs, else
+    ~/.local/share/spab/jobs. Raise :class:`JobError` if it cannot be used.
     """
     path = wanted_folder(VARIABLE, "XDG_DATA_HOME", ".local/share", "spab/jobs", "jobs", JobError)
     return private_folder(path, VARIABLE, "jobs", JobError)
@@ -150,9 +151,9 @@ def _folder(name: str) -> Path:
 
 
 def read_state(folder: Path) -> dict[str, Any] | None:
-    """Return the content of job.json; None where there is none.
+    """Return the content of job.json; None if there is none.
 
-    Raise :class:`JobError` where it is damaged or cannot be opened.
+    Raise :class:`JobError` if it is damaged or cannot be opened.
     """
     try:
         data = json.loads(own_bytes(folder / "job.json", _MAX_BYTES))
@@ -181,7 +182,9 @@ def read_state(folder: Path) -> dict[str, Any] | None:
 
 
 def _is_one(value: object, types: tuple[type, ...]) -> bool:
-    """Return whether the value has one of the types and, if a number, a possible count or date."""
+    """Return whether the value has one of the types and, if it is a number, is a possible count or
+    date.
+    """
     return (
         isinstance(value, types)
         and not isinstance(value, bool)
@@ -204,7 +207,7 @@ def _alive(folder: Path) -> bool:
 
 
 def _starting(folder: Path, data: dict[str, Any]) -> bool:
-    """Return whether a worker was started that has not reported yet."""
+    """Return whether a worker was started and has not reported yet."""
     if data["state"] != "queued" or data["pid"] is not None:
         return False
     worker = _workers.get(folder.name)
@@ -214,8 +217,8 @@ def _starting(folder: Path, data: dict[str, Any]) -> bool:
 
 
 def state_now(folder: Path, data: dict[str, Any]) -> dict[str, Any]:
-    """Return the content of job.json with state and message corrected for a worker that was
-    stopped and for a result that was deleted.
+    """Return the content of job.json, corrected if the worker was stopped or the result was
+    deleted.
     """
     if data["state"] in ACTIVE and not _alive(folder):
         data = read_state(folder) or data  # it may have ended in between
@@ -249,7 +252,7 @@ def _size(folder: Path) -> int:
 
 
 def find(name: str) -> Job | None:
-    """Return a job by its id; None where it does not exist.
+    """Return a job by its id; None if it does not exist.
 
     Raise :class:`JobError` for a bad id or a damaged job.
     """
@@ -259,7 +262,7 @@ def find(name: str) -> Job | None:
 
 
 def list_jobs() -> list[Job]:
-    """Return all jobs, the latest first; a damaged one as failed, its message says why."""
+    """Return all jobs, the latest first; damaged ones as failed, with the reason in ``message``."""
     found = []
     for folder in job_folders(jobs_folder()):
         try:
@@ -293,8 +296,8 @@ def job_folders(root: Path) -> Iterator[Path]:
 
 
 def submit(kind: str, parameters: dict[str, Any], files: dict[str, bytes] | None = None) -> Job:
-    """Start a job, or find it: return one that is queued, running or done as it is, and let any
-    other go on from what it has kept.
+    """Start a job and return it; one that is queued, running or done is returned as it is, one that
+    was stopped resumes.
 
     Parameters
     ----------
@@ -303,8 +306,8 @@ def submit(kind: str, parameters: dict[str, Any], files: dict[str, bytes] | None
     parameters : dict
         Plain JSON values.
     files : dict
-        What the job needs besides, by file name: written into its folder. The parameters must hold
-        their hashes, so that requests with different files get different ids.
+        Input files of the job, by name, written into its folder. The parameters must contain their
+        hashes, so that requests with different files have different ids.
 
     Raises
     ------
@@ -385,7 +388,7 @@ def _start(folder: Path, kind: str, parameters: dict[str, Any]) -> None:
 
 
 def cancel(name: str) -> Job:
-    """Stop a job that is queued or running, and return it; what it has kept stays.
+    """Stop a job that is queued or running, and return it; its checkpoints stay.
 
     Raises
     ------
@@ -410,7 +413,7 @@ def cancel(name: str) -> Job:
 def delete(name: str) -> None:
     """Delete a job with all its files.
 
-    Raise :class:`JobError` for a bad id, no such job, or one queued or running.
+    Raise :class:`JobError` for a bad id, an unknown job, or one that is queued or running.
     """
     folder = _folder(name)
     if not folder.is_dir() or folder.is_symlink():

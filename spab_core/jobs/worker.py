@@ -36,7 +36,7 @@ _WRITE_SECONDS, _LOOK_SECONDS = 0.25, 0.2
 
 
 class _Report:
-    """Writer of job.json for two threads, the work and the watch; nothing is written after the end."""
+    """Writes job.json for two threads, the work and the watch, until the job has ended."""
 
     def __init__(self, folder: Path, data: dict[str, Any]) -> None:
         self.folder, self.data, self.closed = folder, data, False
@@ -51,17 +51,17 @@ class _Report:
                 write_state(self.folder, self.data)
 
     def advance(self, count: int) -> None:
-        """Count what is done; job.json is written a few times a second at most."""
+        """Add to the work done; write job.json at most a few times a second."""
         self.data["done"] += int(count)
         if time.monotonic() - self.written > _WRITE_SECONDS:
             self.write()
 
     def set_total(self, total: int, kept: int = 0) -> None:
-        """Set how many there are to do, and how many an earlier run has left."""
+        """Set how much there is to do, and how much of it an earlier run has done."""
         self.write(total=int(total), done=int(kept), kept=int(kept))
 
     def end(self, state: str, message: str = "") -> bool:
-        """End the job in ``state``; return False where it has ended before."""
+        """End the job in ``state``; return False if it has already ended."""
         with self.lock:
             if self.closed:
                 return False
@@ -91,7 +91,7 @@ class _Report:
 
 @contextlib.contextmanager
 def _turn(report: _Report) -> Iterator[None]:
-    """Wait until no other job runs and none that was queued earlier waits."""
+    """Wait until no other job runs and no job queued earlier is waiting."""
     root = report.folder.parent
     lock = FileLock(root / ".running.lock", timeout=0)
     while True:
@@ -110,7 +110,7 @@ def _turn(report: _Report) -> Iterator[None]:
 
 
 def _waits(folder: Path, report: _Report) -> bool:
-    """Return whether the job in the folder is queued before this one."""
+    """Return whether the job in the folder was queued before this one and still waits."""
     if folder == report.folder:
         return False
     with contextlib.suppress(JobError):
@@ -125,7 +125,9 @@ def _waits(folder: Path, report: _Report) -> bool:
 
 
 def work(folder: Path) -> int:
-    """Do the job in a folder; return the exit code: 0 done or nothing to do, 1 failed, 2 not read."""
+    """Do the job in a folder; return the exit code: 0 done or nothing to do, 1 failed, 2
+    unreadable.
+    """
     if not folder.is_dir():
         return 0  # deleted since
     lock = FileLock(folder / ".lock", timeout=CANCEL_SECONDS)

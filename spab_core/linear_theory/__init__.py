@@ -4,6 +4,9 @@ Module               What it answers
 -------------------  ----------------------------------------
 equilibrium          Static equilibrium, stiffness of the concentric film
 whirl                Eigenvalues of film and rotor together; threshold mass
+impedance            Dynamic stiffness of the film at any complex frequency
+modes                Vibrations of rotor and film: frequency, damping, direction, shape, name
+film_whirl           The film's whirl, followed over shaft speed by continuity
 coefficients         Stiffness and damping over whirl frequency and speed
 ross_table           Those as a table for rotor programs
 linear_table         Stability over a plane, tabulated and interpolated

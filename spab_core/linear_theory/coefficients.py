@@ -1,21 +1,22 @@
-"""The bearing's eight linearised coefficients: stiffness and damping at the static equilibrium,
-against whirl frequency.
+"""The bearing's eight linearised coefficients, stiffness and damping at the static equilibrium,
+against shaft speed and whirl frequency.
 
-The linearised film is s' = A s + D q with the journal's displacement q, its force on the journal B
-s + E q. At the complex frequency p (per unit tau) the film states are eliminated exactly,
+The force on the journal is
 
-    F = -Z(p) q,   Z(p) = -E - p G - B (p I - A)^-1 D,   Z(i nu) = K(nu) + i nu C(nu)
+    F_x = -kxx x - kxy y - cxx x' - cxy y',   F_y = -kyx x - kyy y - cyx x' - cyy y'
 
-(a Schur complement; for the eight coefficients see J. W. Lund, J. Tribology 109, 1987, pp. 37-41).
-In a gas film they depend on the frequency, because the gas is compressed. G is the damping of the
-asperities, zero where the journal is clear of the wall. A, B, D, E come from the compiled tangent
-of the very equations that are integrated in time, so the rotor on Z(p) has the eigenvalues of
-:func:`spab_core.linear_theory.whirl.linear_spectrum`."""
+(x horizontal, y upwards, rotation from x to y; a film that drives forward whirl has kxy > 0 > kyx).
+In a gas film they depend on the frequency, because the gas is compressed (J. W. Lund, J. Tribology
+109, 1987, pp. 37-41), and on how fast the whirl grows or decays: for one that goes as exp(p tau)
+they are the real K and C with K + p C = Z(p)
+(:class:`spab_core.linear_theory.impedance.Impedance`). On the imaginary axis, p = i nu, that is
+the usual K(nu) + i nu C(nu). At an eigenvalue of rotor and film the rotor on these K and C has that
+very eigenvalue, frequency and decay."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,108 +24,64 @@ from spab_core.common.errors import InputError
 from spab_core.common.threads import one_thread
 from spab_core.common.validation import check_number
 from spab_core.design.model import Design
-from spab_core.linear_theory.equilibrium import Equilibrium, dense_system, find_equilibrium
+from spab_core.linear_theory.film_whirl import follow_film_whirl
+from spab_core.linear_theory.impedance import Impedance, impedance
+from spab_core.linear_theory.modes import SLOWEST_WHIRL, Mode
 from spab_core.linear_theory.whirl import spectrum_of
-from spab_core.solver.film import DEFAULT_MESH, Mesh, film_size
-from spab_core.solver.slope import slope_and_jacobian
-from spab_core.solver.system import System
+from spab_core.solver.film import AUTO, Mesh
 
 WHIRL_RANGE = (0.0, 1000.0)  # whirl frequency over the shaft speed
-LEAST_STABLE = "least-stable"  # in place of a whirl ratio: that of the rotor itself
-SLOWEST_WHIRL = 1e-6  # likewise; below it nothing oscillates
+FILM_WHIRL = "film-whirl"  # in place of a whirl ratio: that of the film's whirl at each speed
+FREQUENCIES = 61  # of a table over speed and frequency
+# such a table begins at this share of the lowest speed, beside 0, and ends so far over twice the
+# highest speed and over the modes with a damping ratio under 0.3
+_LOWEST, _MARGIN, _LIGHTLY_DAMPED = 0.1, 1.25, 0.3
 NAMES = tuple(
     f"{kind}{i}{j}" for kind in "kc" for i in "xy" for j in "xy"
 )  # the order of ROSS and of tables here
 
 
 @dataclass(frozen=True)
-class Impedance:
-    """The linear bearing at one operating point.
-
-    Attributes
-    ----------
-    design : Design
-    rotor_mass : float
-        kg on one bearing.
-    bearing_number : float
-    system : System
-        Without unbalance.
-    equilibrium : Equilibrium
-        What it is linearised about.
-    film, drive, pickup : ndarray
-        A (n, n), D (n, 2), B (2, n): per unit tau, lengths over C, forces over p_a R².
-    direct, wall_damping : ndarray, (2, 2)
-        E and G.
-    """
-
-    design: Design
-    rotor_mass: float
-    bearing_number: float
-    system: System
-    equilibrium: Equilibrium
-    film: np.ndarray
-    drive: np.ndarray
-    pickup: np.ndarray
-    direct: np.ndarray
-    wall_damping: np.ndarray
-
-    def at(self, p: complex | float) -> np.ndarray:
-        """Z(p) (2, 2) over p_a R² / C at the complex frequency p per unit tau: the force is -Z q."""
-        states = np.linalg.solve(p * np.eye(len(self.film)) - self.film, self.drive)
-        return -self.direct - p * self.wall_damping - self.pickup @ states
-
-    def _static_damping(self) -> np.ndarray:
-        """dZ/dp at p = 0, the damping of a whirl that is infinitely slow."""
-        twice = np.linalg.solve(self.film, np.linalg.solve(self.film, self.drive))
-        return self.pickup @ twice - self.wall_damping
-
-    def characteristic(self, p: complex) -> complex:
-        """Determinant of the rotor on Z(p): zero at the eigenvalues of the whole linearised system.
-
-        The disc is eliminated: it loads the journal with K - K²/(M_1 p² + K) (docs/model.md).
-        """
-        d = self.design
-        mass, share = (
-            d.mass_number(self.rotor_mass, self.bearing_number),
-            d.rotor.journal_mass_fraction,
-        )
-        if d.rigid:
-            inertia = mass * p * p
-        else:
-            disc, shaft = (1.0 - share) * mass * p * p, d.shaft_stiffness_number
-            inertia = share * mass * p * p + disc * shaft / (disc + shaft)
-        return complex(np.linalg.det(self.at(p) + inertia * np.eye(2)))
-
-
-@dataclass(frozen=True)
 class Coefficients:
-    """The eight coefficients over a range of whirl frequencies at one shaft speed, or of shaft
-    speeds.
+    """The eight coefficients against shaft speed, whirl frequency, or both; a row each.
 
     Attributes
     ----------
+    axis : str
+        What the rows run over: ``speed``, ``frequency`` (of the whirl, at one speed), or ``speed
+        and frequency``, a grid in C order, the same frequencies in rad/s at each speed.
     speed : ndarray, (n,)
         Shaft speed, rad/s.
-    whirl_ratio : ndarray, (n,)
-        Whirl frequency over the shaft speed.
+    whirl_frequency : ndarray, (n,)
+        rad/s.
+    growth : ndarray, (n,)
+        Growth rate of the whirl that feels them, 1/s; 0 for a steady one, negative if it decays.
     stiffness : ndarray, (n, 2, 2)
         N/m: [[kxx, kxy], [kyx, kyy]], F = -k x - c x'.
     damping : ndarray, (n, 2, 2)
         N s/m, likewise.
+    contact_load_share : ndarray, (n,)
+        Share of the weight that the asperities carry at rest.
+    modes : tuple of Mode
+        The film's whirl at the speed of each row where the rows follow it, else empty.
     missing : tuple of float
         Shaft speeds in rad/s that were asked for and have no static equilibrium.
     """
 
+    axis: str
     speed: np.ndarray
-    whirl_ratio: np.ndarray
+    whirl_frequency: np.ndarray
+    growth: np.ndarray
     stiffness: np.ndarray
     damping: np.ndarray
+    contact_load_share: np.ndarray
+    modes: tuple[Mode, ...] = ()
     missing: tuple[float, ...] = ()
 
     @property
-    def whirl_frequency(self) -> np.ndarray:
-        """rad/s."""
-        return self.speed * self.whirl_ratio
+    def whirl_ratio(self) -> np.ndarray:
+        """Whirl frequency over the shaft speed."""
+        return np.asarray(self.whirl_frequency / self.speed)
 
     def column(self, name: str) -> np.ndarray:
         """One coefficient by its name in :data:`NAMES`, such as ``kxy``."""
@@ -132,60 +89,35 @@ class Coefficients:
         return (self.stiffness if k < 4 else self.damping)[:, (k // 2) % 2, k % 2]
 
 
+def _join(
+    axis: str,
+    parts: Sequence[Coefficients],
+    modes: Sequence[Mode] = (),
+    missing: Sequence[float] = (),
+) -> Coefficients:
+    if not parts:
+        raise InputError(
+            "at none of these speeds does the film carry the load: there is no static equilibrium "
+            "to linearise"
+        )
+    names = ("speed", "whirl_frequency", "growth", "stiffness", "damping", "contact_load_share")
+    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    return Coefficients(axis, **columns, modes=tuple(modes), missing=tuple(missing))
+
+
 @one_thread
-def impedance(
-    design: Design,
-    rotor_mass: float,
-    bearing_number: float,
-    mesh: Mesh = DEFAULT_MESH,
-    guess: np.ndarray | None = None,
-) -> Impedance | None:
-    """Linearise the bearing about its static equilibrium.
+def coefficients(
+    at: Impedance, whirl_ratios: Sequence[float] | np.ndarray, growth: float = 0.0
+) -> Coefficients:
+    """Stiffness and damping at whirl frequencies.
 
     Parameters
     ----------
-    design : Design
-    rotor_mass : float
-        kg on one bearing: the load.
-    bearing_number : float
-    mesh : Mesh
-    guess : ndarray, optional
-        State to start from, such as that of a neighbouring point.
-
-    Returns
-    -------
-    Impedance or None
-        None where no equilibrium was found.
-    """
-    system = dense_system(design, rotor_mass, bearing_number, mesh)
-    equilibrium = find_equilibrium(system, guess)
-    if equilibrium is None and guess is not None:
-        equilibrium = find_equilibrium(system)
-    if equilibrium is None:
-        return None
-    rotor, cells, n = system.rotor, system.cells, film_size(system.film)
-    journal = n + np.array([0, 1, 4, 5])
-    _, jacobian = slope_and_jacobian(system, equilibrium.state, np.concatenate([cells, journal]))
-    m, force = len(cells), jacobian[n + 4 : n + 6] / rotor.inverse_mass
-    shaft = rotor.coupling_journal / rotor.inverse_mass
-    return Impedance(
-        design,
-        float(rotor_mass),
-        float(bearing_number),
-        system,
-        equilibrium,
-        film=jacobian[cells, :m],
-        drive=jacobian[cells, m : m + 2],
-        pickup=force[:, :m],
-        direct=force[:, m : m + 2] + shaft * np.eye(2),
-        wall_damping=force[:, m + 2 :],
-    )
-
-
-@one_thread
-def coefficients(at: Impedance, whirl_ratios: Sequence[float] | np.ndarray) -> Coefficients:
-    """Stiffness and damping at whirl frequencies, given over the shaft speed; 0 is the static limit
-    of both.
+    at : Impedance
+    whirl_ratios : sequence of float
+        Frequencies over the shaft speed; 0 is the limit of a slow whirl.
+    growth : float
+        Growth rate of the whirl per unit tau, negative if it decays; 0: steady.
 
     Raises
     ------
@@ -193,17 +125,40 @@ def coefficients(at: Impedance, whirl_ratios: Sequence[float] | np.ndarray) -> C
         For a ratio out of :data:`WHIRL_RANGE`.
     """
     ratios = np.array([check_number("whirl ratio", float(v), *WHIRL_RANGE) for v in whirl_ratios])
-    z = np.array([at.at(1j * v) for v in ratios]).reshape(-1, 2, 2)
-    damping = np.array(
-        [
-            at._static_damping() if v == 0.0 else value.imag / v
-            for v, value in zip(ratios, z, strict=True)
-        ]
-    )
+    pairs = np.array([at.coefficients(complex(growth, v)) for v in ratios]).reshape(-1, 2, 2, 2)
     speed, unit = at.design.speed(at.bearing_number), at.design.stiffness_unit
     return Coefficients(
-        np.full(len(ratios), speed), ratios, z.real * unit, damping.reshape(-1, 2, 2) * unit / speed
+        "frequency",
+        np.full(len(ratios), speed),
+        ratios * speed,
+        np.full(len(ratios), growth * speed),
+        pairs[:, 0] * unit,
+        pairs[:, 1] * unit / speed,
+        np.full(len(ratios), at.contact_load_share),
     )
+
+
+def coefficients_over_whirl(
+    design: Design,
+    rotor_mass: float,
+    bearing_number: float,
+    whirl_ratios: Sequence[float] | np.ndarray,
+    mesh: Mesh = AUTO,
+) -> Coefficients:
+    """Stiffness and damping of a bearing at one speed; parameters as those of
+    :func:`~spab_core.linear_theory.impedance.impedance` and :func:`coefficients`.
+
+    Raises
+    ------
+    InputError
+        Where there is no static equilibrium.
+    """
+    z = impedance(design, rotor_mass, bearing_number, mesh)
+    if z is None:
+        raise InputError(
+            "there is no static equilibrium: the film does not carry this rotor at this speed"
+        )
+    return coefficients(z, whirl_ratios)
 
 
 @one_thread
@@ -212,7 +167,7 @@ def coefficients_over_speed(
     rotor_mass: float,
     bearing_numbers: Sequence[float] | np.ndarray,
     whirl: float | str = 1.0,
-    mesh: Mesh = DEFAULT_MESH,
+    mesh: Mesh = AUTO,
 ) -> Coefficients:
     """Stiffness and damping against shaft speed, rotor mass held.
 
@@ -223,38 +178,104 @@ def coefficients_over_speed(
         kg on one bearing.
     bearing_numbers : sequence of float
     whirl : float or str
-        Whirl ratio of every row (1: synchronous), or :data:`LEAST_STABLE`: at each speed that of
-        :func:`least_stable_whirl`, and 1 where nothing oscillates. Those rows give the right limit
-        of stability: a whirl that neither grows nor decays feels the coefficients at its own
-        frequency and no others.
+        Whirl ratio of every row (1: synchronous), of a steady whirl. Or :data:`FILM_WHIRL`: at each
+        speed the frequency and the decay of the film's whirl, followed by continuity
+        (:func:`~spab_core.linear_theory.film_whirl.follow_film_whirl`). The rotor on those rows has
+        the film's whirl as film and rotor together have it, and so the limit of stability.
     mesh : Mesh
 
     Raises
     ------
     InputError
-        For a whirl that is neither, or where no speed has a static equilibrium.
+        For a whirl that is neither, where no speed has a static equilibrium, or where the film's
+        whirl cannot be followed.
     """
-    if whirl != LEAST_STABLE:
-        check_number("whirl ratio", whirl, *WHIRL_RANGE)
-    parts, missing, guess = [], [], None
-    for number in bearing_numbers:
-        z = impedance(design, rotor_mass, float(number), mesh, guess)
-        if z is None:
-            missing.append(design.speed(float(number)))
-            continue
-        guess = z.equilibrium.state
-        root = least_stable_whirl(z) if whirl == LEAST_STABLE else complex(0.0, float(whirl))
-        parts.append(coefficients(z, [1.0 if root is None else root.imag]))
-    if not parts:
-        raise InputError(
-            "at none of these speeds does the film carry the load: there is no static equilibrium "
-            "to linearise"
+    if whirl == FILM_WHIRL:
+        followed = follow_film_whirl(design, rotor_mass, bearing_numbers, mesh)
+        found = [item for item in followed if item is not None]
+        return _join(
+            "speed",
+            [coefficients(z, [mode.root.imag], mode.root.real) for z, _, mode in found],
+            [mode for _, _, mode in found],
+            _missing(design, bearing_numbers, followed),
         )
-    speed, ratio, stiffness, damping = (
-        np.concatenate([getattr(part, name) for part in parts])
-        for name in ("speed", "whirl_ratio", "stiffness", "damping")
+    check_number("whirl ratio", whirl, *WHIRL_RANGE)
+    bearings: list[Impedance | None] = []
+    guess = None
+    for number in bearing_numbers:
+        bearings.append(impedance(design, rotor_mass, float(number), mesh, guess))
+        guess = guess if bearings[-1] is None else bearings[-1].equilibrium.state
+    parts = [coefficients(z, [float(whirl)]) for z in bearings if z is not None]
+    return _join("speed", parts, missing=_missing(design, bearing_numbers, bearings))
+
+
+@one_thread
+def coefficients_over_speed_and_frequency(
+    design: Design,
+    rotor_mass: float,
+    bearing_numbers: Sequence[float] | np.ndarray,
+    frequencies: Sequence[float] | np.ndarray | None = None,
+    mesh: Mesh = AUTO,
+) -> Coefficients:
+    """Stiffness and damping against shaft speed and whirl frequency, rotor mass held: a grid.
+
+    At each speed every whirl decays, or grows, as fast as the film's whirl does there
+    (:func:`~spab_core.linear_theory.film_whirl.follow_film_whirl`). A program that takes K and C of
+    this table at a mode's own frequency finds the film's whirl as film and rotor together have it.
+    With K and C of steady whirls in its place it would miss a tenth of the logarithmic decrement
+    and more (docs/my_bearing.md).
+
+    Parameters
+    ----------
+    design : Design
+    rotor_mass : float
+        kg on one bearing.
+    bearing_numbers : sequence of float
+        Rising.
+    frequencies : sequence of float, optional
+        Whirl frequencies in rad/s, rising; left out, :data:`FREQUENCIES` from 0 to past twice the
+        highest speed and past the lightly damped modes.
+    mesh : Mesh
+
+    Raises
+    ------
+    InputError
+        Where no speed has a static equilibrium, or where the film's whirl cannot be followed.
+    """
+    followed = follow_film_whirl(design, rotor_mass, bearing_numbers, mesh)
+    found = [item for item in followed if item is not None]
+    if frequencies is None and found:
+        speeds = [design.speed(z.bearing_number) for z, _, _ in found]
+        modes = [
+            speed * mode.root.imag
+            for speed, (_, modes, _) in zip(speeds, found, strict=True)
+            for mode in modes
+            if abs(mode.root.real) < _LIGHTLY_DAMPED * abs(mode.root)
+        ]
+        low, high = _LOWEST * min(speeds), _MARGIN * max(2.0 * max(speeds), *modes)
+        frequencies = np.concatenate([[0.0], np.geomspace(low, high, FREQUENCIES - 1)])
+    axis = np.asarray(frequencies, dtype=float)
+    rows = [
+        coefficients(z, axis / design.speed(z.bearing_number), mode.root.real)
+        for z, _, mode in found
+    ]
+    return _join(
+        "speed and frequency",
+        [replace(part, whirl_frequency=axis) for part in rows],  # the same to the last bit
+        [mode for _, _, mode in found for _ in axis],
+        _missing(design, bearing_numbers, followed),
     )
-    return Coefficients(speed, ratio, stiffness, damping, tuple(missing))
+
+
+def _missing(
+    design: Design, bearing_numbers: Sequence[float] | np.ndarray, found: Sequence[object]
+) -> list[float]:
+    """Return the speeds in rad/s at which nothing was found."""
+    return [
+        design.speed(float(number))
+        for number, item in zip(bearing_numbers, found, strict=True)
+        if item is None
+    ]
 
 
 def least_stable_whirl(at: Impedance) -> complex | None:

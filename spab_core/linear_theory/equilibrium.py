@@ -9,11 +9,13 @@ import numpy as np
 
 from spab_core.common.errors import InputError
 from spab_core.design.model import Design
-from spab_core.solver.film import DEFAULT_MESH, Mesh, film_size
+from spab_core.solver.film import AUTO, Mesh, film_size, suitable_mesh
+from spab_core.solver.rotor import CENTRE
 from spab_core.solver.slope import slope_and_jacobian
 from spab_core.solver.system import System, build_system
 
-MAX_DENSE_CELLS = 2500  # cells of a mesh that dense linear algebra takes in seconds
+LIFTED = 0.1  # largest share of the weight that the wall carries under a rotor that has lifted off
+AZIMUTHS = 32  # of a mesh that is not asked for: they cost little at rest
 _NEWTON_STEPS = 60
 
 
@@ -37,21 +39,11 @@ class Equilibrium:
 
 
 def dense_system(
-    design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = DEFAULT_MESH
+    design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = AUTO
 ) -> System:
-    """Build the system without unbalance, on a mesh small enough for dense linear algebra.
-
-    Raises
-    ------
-    InputError
-        For a mesh of more than :data:`MAX_DENSE_CELLS` cells.
-    """
-    cells = mesh[0] * mesh[1]
-    if cells > MAX_DENSE_CELLS:
-        raise InputError(
-            f"mesh = {mesh[0]}x{mesh[1]} has {cells} cells: linear stability allows at most "
-            f"{MAX_DENSE_CELLS}"
-        )
+    """Build the system without unbalance, whose Jacobian may be dense."""
+    if mesh == AUTO:
+        mesh = suitable_mesh(design, AZIMUTHS)
     return build_system(design, rotor_mass, bearing_number, mesh).without_unbalance()
 
 
@@ -64,7 +56,7 @@ def concentric_state(system: System) -> np.ndarray:
     InputError
         Where it does not converge.
     """
-    state, cells = np.zeros(system.size), system.cells
+    state, cells = np.zeros(system.size), np.arange(film_size(system.film))
     state[: film_size(system.film)] = 1.0
     for _ in range(_NEWTON_STEPS):
         value, jacobian = slope_and_jacobian(system, state, cells)
@@ -79,9 +71,10 @@ def concentric_state(system: System) -> np.ndarray:
 
 
 def concentric_stiffness(
-    design: Design, bearing_number: float, mesh: Mesh = DEFAULT_MESH
+    design: Design, bearing_number: float, mesh: Mesh = AUTO
 ) -> tuple[float, float]:
-    """Static stiffness of the film about the centre: F_x = -K_xx X, F_y = +K_yx X.
+    """Static stiffness of the film about the centre: F_x = -K_xx X - K_xy Y, F_y = -K_yx X -
+    K_yy Y.
 
     Parameters
     ----------
@@ -91,17 +84,17 @@ def concentric_stiffness(
 
     Returns
     -------
-    kxx, kyx : float
-        Over p_a R² per clearance; times ``design.stiffness_unit`` in N/m. K_xx = K_yy, K_xy = -K_yx
+    kxx, kxy : float
+        Over p_a R² per clearance; times ``design.stiffness_unit`` in N/m. K_yy = K_xx, K_yx = -K_xy
         by symmetry.
     """
     system = dense_system(design.replace(rotor__gravity=0.0), 1.0, bearing_number, mesh)
     rotor = system.rotor._replace(contact_force=0.0)
     system = system._replace(rotor=rotor)
     state = concentric_state(system)
-    cells, n = system.cells, film_size(system.film)
-    _, jacobian = slope_and_jacobian(system, state, np.append(cells, n))
-    response = np.linalg.solve(jacobian[cells][:, :-1], -jacobian[cells, -1])
+    n = film_size(system.film)
+    _, jacobian = slope_and_jacobian(system, state, np.arange(n + 1))
+    response = np.linalg.solve(jacobian[:n, :-1], -jacobian[:n, -1])
     force = (
         jacobian[n + 4 : n + 6, :-1] @ response + jacobian[n + 4 : n + 6, -1]
     ) / rotor.inverse_mass
@@ -113,7 +106,7 @@ def static_equilibrium(
     design: Design,
     rotor_mass: float,
     bearing_number: float,
-    mesh: Mesh = DEFAULT_MESH,
+    mesh: Mesh = AUTO,
     guess: np.ndarray | None = None,
 ) -> Equilibrium | None:
     """Where the journal rests under gravity, without unbalance, at speed.
@@ -165,6 +158,29 @@ def find_equilibrium(system: System, guess: np.ndarray | None = None) -> Equilib
         load = min(1.0, done + step)
     x, y = state[n], state[n + 1]
     return Equilibrium(math.hypot(x, y), math.degrees(math.atan2(x, -y)), state)
+
+
+def contact_load_share(design: Design, rotor_mass: float, eccentricity: float) -> float:
+    """Share of the weight that the asperities carry where the journal rests.
+
+    Parameters
+    ----------
+    design : Design
+    rotor_mass : float
+        kg on one bearing.
+    eccentricity : float
+        Of the static equilibrium, over C.
+
+    Returns
+    -------
+    float
+        Normal force f0 exp(-(1 - e)/s) over the weight, at most 1; 0 without gravity.
+    """
+    weight, contact = design.load_number(rotor_mass), design.contact
+    if weight == 0.0 or eccentricity < CENTRE:
+        return 0.0
+    force = contact.force_at_closure * math.exp(-(1.0 - eccentricity) / contact.roughness)
+    return min(force / weight, 1.0)
 
 
 def _newton(system: System, state: np.ndarray) -> np.ndarray | None:

@@ -32,7 +32,7 @@ from spab_core.solver.film import Mesh
 Plane = tuple[
     tuple[float, float], tuple[float, float]
 ]  # ends of the bearing number, of the rotor mass in kg
-MESH = Mesh(4, 32)  # the map's latitudes; fewer azimuths cost less
+MESH = Mesh(3, 32)  # twice the azimuths of the map: rest may be near the wall
 NODES = (64, 50)  # bearing numbers, rotor masses
 PLANE: Plane = ((0.05, 8.5), (0.1, 25.0))  # the map's, of the shipped table
 SHIPPED = "spab60_linear.npz"  # beside the reference design

@@ -18,10 +18,12 @@ from spab_core.design.model import Design
 from spab_core.linear_theory.coefficients import (
     Coefficients,
     coefficients,
-    impedance,
     least_stable_whirl,
 )
-from spab_core.solver.film import DEFAULT_MESH, Film, Mesh, film_array, film_fluxes
+from spab_core.linear_theory.equilibrium import LIFTED, contact_load_share
+from spab_core.linear_theory.impedance import impedance
+from spab_core.linear_theory.modes import Mode, lightly_damped_modes
+from spab_core.solver.film import AUTO, Film, Mesh, film_array, film_fluxes, gas_content
 
 NO_EQUILIBRIUM = "no static equilibrium: the film does not carry this rotor at this speed"
 # of dry air at 20 °C, whose mass flow is told: J/(kg K) and K
@@ -103,11 +105,15 @@ class Derived:
         deg, from the load to the journal's displacement, positive with the rotation.
     least_film : float or None
         C (1 - e), the thinnest film at rest on the film, m.
+    contact_load_share : float or None
+        Share of the weight that the asperities carry at rest.
     gas_flow : GasFlow or None
     coefficients : Coefficients or None
         Row 0: static (whirl ratio 0); row 1: synchronous (whirl ratio 1). N/m and N s/m.
     whirl : Whirl or None
         None too where nothing oscillates.
+    modes : tuple of Mode
+        Lightly damped vibrations, the least damped first.
     """
 
     rotor_mass: float
@@ -125,9 +131,11 @@ class Derived:
     eccentricity: float | None = None
     attitude_angle: float | None = None
     least_film: float | None = None
+    contact_load_share: float | None = None
     gas_flow: GasFlow | None = None
     coefficients: Coefficients | None = None
     whirl: Whirl | None = None
+    modes: tuple[Mode, ...] = ()
 
     def record(self) -> dict[str, Any]:
         """The answer as plain values, named with their units; the keys are those of ``spab design
@@ -152,6 +160,7 @@ class Derived:
             "eccentricity": self.eccentricity,
             "attitude_angle_deg": self.attitude_angle,
             "least_film_m": self.least_film,
+            "contact_load_share": self.contact_load_share,
             "gas_mass_flow_kg_s": flow.mass if flow else None,
             "gas_flow_normal_l_min": flow.normal_litres if flow else None,
             "stiffness_static_n_m": c.stiffness[0].tolist() if c else None,
@@ -161,7 +170,38 @@ class Derived:
             "whirl_ratio": whirl.ratio if whirl else None,
             "whirl_rpm": whirl.speed_rpm if whirl else None,
             "whirl_growth_per_revolution": whirl.growth if whirl else None,
+            "modes": [mode.record() for mode in self.modes],
         }
+
+    def verdict(self) -> str:
+        """Return what the rotor does at rest on its film, without unbalance, in a sentence."""
+        if self.status != "ok":
+            return f"{self.status[0].upper()}{self.status[1:]}."
+        if self.lies_on_wall:
+            return f"{self.lift_words().capitalize()}."
+        if self.whirl is None:
+            return "Stable at rest: every disturbance dies away without whirling."
+        rpm, growth = self.whirl.speed_rpm, abs(self.whirl.growth)
+        if self.whirl.stable:
+            return (
+                f"Stable at rest: the least stable whirl, {rpm:,.0f} a minute, decays by "
+                f"{growth:.3g} per revolution."
+            )
+        return (
+            f"Unstable at rest: a whirl of {rpm:,.0f} a minute grows by {growth:.3g} per "
+            "revolution."
+        )
+
+    @property
+    def lies_on_wall(self) -> bool:
+        """Whether the asperities carry more than :data:`LIFTED` of the weight."""
+        return (self.contact_load_share or 0.0) > LIFTED
+
+    def lift_words(self) -> str:
+        """Return how much of the weight lies on the wall, as a clause."""
+        share = 100.0 * (self.contact_load_share or 0.0)
+        begin = "not lifted off" if self.lies_on_wall else "lifted off"
+        return f"{begin}: the wall carries {share:.0f} % of the weight"
 
 
 def gas_flow(
@@ -186,7 +226,7 @@ def gas_flow(
     halves of the band count."""
     b, flux = design.bearing, film_fluxes(film, s, x, y)
     unit = 2.0 * b.clearance * b.radius**2 * design.speed(bearing_number)
-    wall = unit * float((flux["wall"] * film.area).sum())
+    wall = unit * gas_content(film, flux["wall"])
     edges = -unit * float(flux["edge"].sum()) * 2.0 * math.pi / film.columns
     pressure = design.gas.ambient_pressure
     normal = wall * pressure / NORMAL_PRESSURE * NORMAL_TEMPERATURE / TEMPERATURE
@@ -194,9 +234,7 @@ def gas_flow(
 
 
 @one_thread
-def derive(
-    design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = DEFAULT_MESH
-) -> Derived:
+def derive(design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = AUTO) -> Derived:
     """Everything derived at an operating point.
 
     Parameters
@@ -242,9 +280,11 @@ def derive(
         eccentricity=rest.eccentricity,
         attitude_angle=rest.attitude_angle,
         least_film=design.bearing.clearance * (1.0 - rest.eccentricity),
+        contact_load_share=contact_load_share(design, rotor_mass, rest.eccentricity),
         gas_flow=gas_flow(design, bearing_number, film, film_array(film, rest.state), x, y),
         coefficients=coefficients(z, [0.0, 1.0]),
         whirl=None
         if root is None
         else Whirl(root.imag, root.imag * rpm, 2.0 * math.pi * root.real),
+        modes=lightly_damped_modes(z.system, rest.state),
     )

@@ -13,7 +13,7 @@ import numpy as np
 
 from spab_core.design.model import Design
 from spab_core.linear_theory.equilibrium import Equilibrium, dense_system, find_equilibrium
-from spab_core.solver.film import DEFAULT_MESH, Mesh
+from spab_core.solver.film import AUTO, Mesh
 from spab_core.solver.slope import slope_and_jacobian
 from spab_core.solver.system import System
 
@@ -47,7 +47,7 @@ def linear_spectrum(
     design: Design,
     rotor_mass: float,
     bearing_number: float,
-    mesh: Mesh = DEFAULT_MESH,
+    mesh: Mesh = AUTO,
     guess: np.ndarray | None = None,
 ) -> tuple[np.ndarray, Equilibrium] | None:
     """Eigenvalues per unit tau of the whole system, film and rotor, linearised about the static
@@ -81,7 +81,7 @@ def spectrum_of(
 def whirl_thresholds(
     design: Design,
     bearing_number: float,
-    mesh: Mesh = DEFAULT_MESH,
+    mesh: Mesh = AUTO,
     masses: tuple[float, float] = THRESHOLD_RANGE,
     scan: int = 25,
 ) -> list[Threshold]:

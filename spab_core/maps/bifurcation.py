@@ -1,7 +1,8 @@
 """Bifurcation diagrams: Poincaré sections and exponents along a line of operating points.
 
-Three sweeps: ``cold``, every point from its own cold start; ``up`` and ``down``, each point from
-the state in which its neighbour ended, so that coexisting motions (hysteresis) show."""
+Three sweeps: ``cold`` starts every point at rest; ``up`` and ``down`` start each point from the
+final state of its neighbour, which shows coexisting motions (hysteresis).
+"""
 
 from __future__ import annotations
 
@@ -20,6 +21,7 @@ from spab_core.common.arrays import Array, Schema, load
 from spab_core.common.errors import InputError
 from spab_core.common.files import write_atomically
 from spab_core.common.npz import npz_bytes
+from spab_core.common.validation import check_choice
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
 from spab_core.maps.checkpoints import Checkpoint, Chunk, run_plan
@@ -59,10 +61,10 @@ class Branch:
     Attributes
     ----------
     section : ndarray of float32, (n, SECTION_POINTS, 4)
-        Journal X2, Y2 and disc X1, Y1 over C at tau = 2 pi k, the last revolutions; to 0.0001; nan
-        where the run failed.
+        Journal X2, Y2 and disc X1, Y1 over C at tau = 2 pi k of the last revolutions, rounded to
+        0.0001; nan if the run failed.
     mle, mle_standard_error : ndarray, (n,)
-        Per revolution; nan where the run failed.
+        Per revolution; nan if the run failed.
     regime, period, status, contact_share : ndarray, (n,)
         As in a map.
     """
@@ -85,7 +87,7 @@ class Bifurcation:
     vary : str
         One of :data:`VARY`.
     at : float
-        The other one's value: bearing number, or rotor mass in kg.
+        Value of the parameter that is held: bearing number, or rotor mass in kg.
     values : ndarray, (n,)
     branches : dict
         :class:`Branch` by sweep.
@@ -107,8 +109,7 @@ def _point_at(vary: str, at: float, value: float) -> tuple[float, float]:
 
 def check_line(vary: str, at: float, values: np.ndarray, sweeps: Sequence[str]) -> None:
     """Raise :class:`InputError` for a line out of range, an unknown parameter or sweep."""
-    if vary not in VARY:
-        raise InputError(f"--vary = {str(vary)[:40]!r} is not allowed: choose {' or '.join(VARY)}")
+    check_choice("--vary", vary, VARY)
     unknown = [s for s in sweeps if s not in SWEEPS]
     if unknown or not sweeps:
         raise InputError(
@@ -138,13 +139,13 @@ class _Chunk(NamedTuple):
     Attributes
     ----------
     cells : ndarray of int, (k,)
-        Their places in the arrays of the checkpoint, which hold one sweep after the other.
+        Their indices in the checkpoint's arrays, which hold one sweep after the other.
     points : list of tuple
         (rotor mass, bearing number) of each.
     carry : bool
-        Whether each point starts from where the one before ended.
+        Whether each point starts from the final state of the one before.
     after : str, optional
-        Name of the chunk in whose last state the first one starts.
+        Name of the chunk whose final state is the start of the first point.
     """
 
     cells: np.ndarray
@@ -154,7 +155,7 @@ class _Chunk(NamedTuple):
 
 
 def _chunks(sweeps: Sequence[str], points: Sequence[tuple[float, float]]) -> dict[str, _Chunk]:
-    """Return the chunks of all sweeps by name, in the order in which they are best solved."""
+    """Return the chunks of all sweeps by name, in the order to solve them."""
     found = {}
     for place, sweep in enumerate(sweeps):
         order = np.arange(len(points))[:: -1 if sweep == "down" else 1]
@@ -179,8 +180,9 @@ def _solve_chunk(
     """Solve operating points one after the other; runs in a worker.
 
     ``start`` is the state of the first one, empty for a cold start. Returns the points' values by
-    the names of a :class:`Branch`, and the state to go on from, empty without ``carry`` or where
-    the last run failed."""
+    the names of a :class:`Branch`, and the final state, empty without ``carry`` or if the last run
+    failed.
+    """
     rows, state = [], start if start.size else None
     for mass, number in points:
         point = solve_point(design, mass, number, settings, start=state)
@@ -214,7 +216,7 @@ def compute_bifurcation(
     vary : str
         ``rotor-mass`` (kg) or ``bearing-number``.
     at : float
-        Value of the other one.
+        Value of the parameter that is held.
     values : ndarray, (n,)
         Increasing.
     settings : Settings
@@ -224,8 +226,7 @@ def compute_bifurcation(
     workers : int
         Processes. Sweeps up and down use one each at a time.
     checkpoint : Path, optional
-        Folder of the checkpoint: a run that finds its own chunks there goes on from them, to the
-        same bits.
+        Folder of the checkpoint, from which a run with the same plan resumes, to the same bits.
     progress : callable
         Called with the number of points done since the last call; first with those found in
         ``checkpoint``, 0 too.
@@ -237,11 +238,13 @@ def compute_bifurcation(
     Raises
     ------
     InputError
-        For a line out of range, an unknown parameter or sweep, or a checkpoint of another run or in use.
+        For a line out of range, an unknown parameter or sweep, or a checkpoint that is in use or of
+        another run.
     """
     settings = settings or Settings(revolutions=300)
     values = np.asarray(values, float)
     check_line(vary, at, values, sweeps)
+    settings.check_cold_start()  # sweeps begin cold too
     # the two that cannot be shared out among processes first
     ordered = [sweep for sweep in ("up", "down", "cold") if sweep in sweeps]
     chunks = _chunks(ordered, [_point_at(vary, at, float(v)) for v in values])
@@ -277,7 +280,7 @@ def _solve(
     checkpoint: Checkpoint,
     workers: int,
 ) -> Iterator[np.ndarray]:
-    """Solve and save the missing chunks, each when its starting state is known; yield the cells of
+    """Solve and save the missing chunks, each as soon as its start is known; yield the cells of
     each.
     """
     waiting = [name for name, c in chunks.items() if checkpoint.missing(c.cells).size]
@@ -341,7 +344,7 @@ def interval_table(line: Bifurcation, sweeps: Sequence[str]) -> pd.DataFrame:
 
 
 def line_table(line: Bifurcation) -> pd.DataFrame:
-    """Return a line as a table, one row a sweep and point: where it is, exponent, regime and so on."""
+    """Return a line as a table: for each sweep and point its place, exponent, regime and so on."""
     speed = Design.from_dict(line.metadata["design"]).speed_rpm(1.0)
     mass, number = (line.values, line.at) if line.vary == "rotor-mass" else (line.at, line.values)
     return pd.concat(
@@ -363,7 +366,7 @@ def line_table(line: Bifurcation) -> pd.DataFrame:
 
 
 def line_of_map(m: StabilityMap, vary: str, at: float) -> Bifurcation:
-    """Return the row or column of a map nearest to a line, as a cold sweep without a section (nan)."""
+    """Return the row or column of a map nearest to a line, as a cold sweep; its section is nan."""
     row, column = m.nearest(at, at)
     cells, at, values = (
         ((row, slice(None)), m.bearing_number[row], m.rotor_mass)
@@ -395,12 +398,12 @@ def save_bifurcation(result: Bifurcation, path: str | Path) -> None:
 
 
 def load_bifurcation(path: str | Path) -> Bifurcation:
-    """Read what :func:`save_bifurcation` wrote; nothing in it is ever unpickled.
+    """Read a file of :func:`save_bifurcation`; nothing is unpickled.
 
     Raises
     ------
     InputError
-        For a file that is none.
+        For any other file.
     """
     found = load(path, _SCHEMA)
     about = found["metadata"]

@@ -1,7 +1,8 @@
-"""Checkpoints of a long run: solved chunks in a folder, from which a run that was stopped goes on.
+"""Checkpoints of a long run: solved chunks in a folder, from which a stopped run resumes.
 
 The folder holds ``plan.json`` (what the run computes), ``lock``, and a file ``chunk-NAME.npz`` for
-each solved chunk of cells."""
+each solved chunk of cells.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +36,7 @@ def run_plan(
     settings: Settings,
     **more: Any,
 ) -> dict[str, Any]:
-    """Return what a run computes, in plain values; ``more`` is added to it."""
+    """Return a description of what a run computes, in plain values; ``more`` is added to it."""
     return {
         "solver": solver_hash(),
         "design": design.to_dict(),
@@ -51,18 +52,18 @@ class Checkpoint:
     Parameters
     ----------
     folder : Path or None
-        None: nothing is saved.
+        None: save nothing.
     plan : dict
-        What the run computes, in plain values (:func:`run_plan`): it must be the same to resume.
+        Of :func:`run_plan`; a run resumes only with the same plan.
     values : dict of ndarray, (n, ...)
-        Arrays to fill, one entry a cell, by name.
+        Arrays to fill, by name, one entry a cell.
 
     Attributes
     ----------
     values : dict of ndarray
     solved : ndarray of bool, (n,)
     states : dict of ndarray
-        State of the motion at the end of a chunk, by the chunk's name, for those that hand it on.
+        State of the motion at the end of a chunk, by the chunk's name, for chunks that have one.
     """
 
     def __init__(
@@ -75,12 +76,13 @@ class Checkpoint:
         self._run = hashlib.sha256(json.dumps(plan, indent=1).encode()).hexdigest()
 
     def open(self) -> None:
-        """Create the folder with the run's plan, or check that its plan is the same.
+        """Create the folder with the run's plan, or check that an existing folder has the same
+        plan.
 
         Raises
         ------
         MapError
-            Where the folder holds another run.
+            If the folder holds another run.
         """
         if self.folder is None:
             return
@@ -105,12 +107,12 @@ class Checkpoint:
 
     @contextlib.contextmanager
     def resume(self) -> Iterator[Checkpoint]:
-        """Open and lock the folder, and load the chunks that are there.
+        """Open and lock the folder and load its chunks.
 
         Raises
         ------
         MapError
-            Where the folder holds another run or is in use, or a chunk is damaged.
+            If the folder holds another run or is in use, or a chunk is damaged.
         """
         if self.folder is None:
             yield self
@@ -156,7 +158,7 @@ class Checkpoint:
     def save(
         self, name: str, cells: np.ndarray, values: Chunk, state: np.ndarray | None = None
     ) -> None:
-        """Keep a solved chunk.
+        """Save a solved chunk.
 
         Parameters
         ----------
@@ -165,7 +167,7 @@ class Checkpoint:
         values : dict of ndarray, (k, ...)
             At least those of :attr:`values`.
         state : ndarray, (s,), optional
-            State of the motion that the next chunk starts from; empty where there is none.
+            State of the motion that the next chunk starts from; empty if there is none.
         """
         chunk = {key: values[key] for key in self.values}
         chunk |= {"cells": cells, "state": np.empty(0) if state is None else state}
@@ -184,13 +186,13 @@ class Checkpoint:
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold the lock of a checkpoint's folder, on this machine and on others that share it, and
-    remove what killed writers left.
+    """Lock a checkpoint's folder, on this machine and on others that share it, and remove temporary
+    files of killed writers.
 
     Raises
     ------
     MapError
-        Where another run holds it.
+        If another run holds the lock.
     """
     lock = filelock.FileLock(folder / "lock", timeout=0)
     try:
@@ -207,9 +209,9 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def remove_temporaries(folder: Path, pattern: str) -> None:
-    """Delete temporary files that killed writers of files ``pattern`` left in a folder.
+    """Delete temporary files of killed writers in a folder, for files matching ``pattern``.
 
-    The caller holds the lock under which they are written.
+    The caller must hold the lock under which such files are written.
     """
     for path in folder.glob(f".{pattern}.tmp"):
         patiently(partial(path.unlink, missing_ok=True))

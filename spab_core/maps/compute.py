@@ -1,7 +1,8 @@
-"""Solve many operating points, each from its own cold start, in chunks that survive a crash, on
-the cores of this machine or of a Dask cluster.
+"""Solve many operating points, each from a cold start, on the cores of this machine or a Dask
+cluster; solved chunks survive a crash.
 
-The result does not depend on the number of workers, their order or their machine."""
+The result does not depend on the number of workers, their order or their machines.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +31,7 @@ CellSolver = Callable[[np.ndarray], Chunk]
 
 
 def cell_values(point: OperatingPoint) -> dict[str, Any]:
-    """Return a solved point as the values of a map's cell, by the names of ``FIELDS``."""
+    """Return the values of a map's cell for a solved point, by the names of ``FIELDS``."""
     mle, regime, trajectory = point.mle, point.regime, point.trajectory
     return {
         "mle": mle.value if mle else np.nan,
@@ -41,6 +42,9 @@ def cell_values(point: OperatingPoint) -> dict[str, Any]:
         "max_eccentricity": point.max_eccentricity,
         "status": trajectory.status,
         "revolutions": trajectory.completed,
+        "orbit_amplitude": point.orbit_amplitude,
+        "thin_film_share": point.thin_film_share,
+        "peak_contact_force": point.peak_contact_force,
     }
 
 
@@ -68,6 +72,31 @@ def solve_chunk(
     return name, values | {"solver": np.array(solver_hash())}
 
 
+def _solved(
+    chunks: dict[str, list[tuple[float, float]]],
+    design: Design,
+    settings: Settings,
+    workers: int,
+    cluster: str | None,
+) -> Iterator[tuple[str, Chunk]]:
+    """Solve chunks of points in parallel; yield each as soon as it is there."""
+    if not chunks:
+        return
+    jobs = (
+        joblib.delayed(solve_chunk)(name, design, points, settings)
+        for name, points in chunks.items()
+    )
+    # open for these only: what trains in between must not find the cluster at hand
+    with cluster_or_processes(workers, settings, cluster) as parallel:
+        for name, found in parallel(jobs):
+            if str(found["solver"]) != solver_hash():
+                raise MapError(
+                    f"the workers of {cluster} run another version of spab's solver than this "
+                    "process: install the same version there"
+                )
+            yield name, found
+
+
 @contextlib.contextmanager
 def cell_solver(
     design: Design,
@@ -82,7 +111,7 @@ def cell_solver(
     cluster: str | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Iterator[CellSolver]:
-    """Solve cells of a plane when asked for, each from its own cold start, once.
+    """Yield a function that solves requested cells of a plane, each once, from a cold start.
 
     Parameters
     ----------
@@ -92,9 +121,9 @@ def cell_solver(
         kg on one bearing.
     settings : Settings
     checkpoint : Path, optional
-        Folder of the checkpoint: a run that was killed goes on from it.
+        Folder of the checkpoint, from which a killed run resumes.
     plan : dict, optional
-        What else must be the same to resume, such as a seed; plain values.
+        More plain values that must agree to resume, such as a seed.
     chunk_cells : int
         Cells solved between two checkpoints.
     workers : int
@@ -102,8 +131,8 @@ def cell_solver(
     cluster : str, optional
         Address of a Dask scheduler, such as ``tcp://host:8786``: its workers solve instead.
     progress : callable
-        Called with the number of cells done since the last call; first of each call of the solver
-        with those that were solved before, 0 too.
+        Called with the number of cells done since the last call. Each call of the solver first
+        reports the cells that were already solved, even if that is 0.
 
     Yields
     ------
@@ -113,11 +142,12 @@ def cell_solver(
     Raises
     ------
     MapError
-        Where ``checkpoint`` holds another run, is in use, or is damaged.
+        If ``checkpoint`` holds another run, is in use, or is damaged.
     InputError
         For axes out of range, or a cluster that does not answer or runs another solver.
     """
     count = check_plane(bearing_number, rotor_mass)
+    settings.check_cold_start()
     points = [(float(b), float(m)) for b in bearing_number for m in rotor_mass]
     values = {name: unsolved(dtype, count) for name, dtype in (FIELDS | _COSTS).items()}
     same = run_plan(design, bearing_number, rotor_mass, settings, **(plan or {}))
@@ -136,22 +166,11 @@ def cell_solver(
                 next(names): missing[k : k + chunk_cells]
                 for k in range(0, len(missing), chunk_cells)
             }
-            jobs = (
-                joblib.delayed(solve_chunk)(name, design, [points[c] for c in chunk], settings)
-                for name, chunk in chunks.items()
-            )
-            if chunks:
-                # open for a call only: what trains in between must not find the cluster at hand
-                with cluster_or_processes(workers, settings, cluster) as parallel:
-                    for name, found in parallel(jobs):
-                        if str(found["solver"]) != solver_hash():
-                            raise MapError(
-                                f"the workers of {cluster} run another version of spab's solver "
-                                "than this process: install the same version there"
-                            )
-                        run.save(name, chunks[name], found)
-                        if progress:
-                            progress(len(chunks[name]))
+            asked = {name: [points[c] for c in chunk] for name, chunk in chunks.items()}
+            for name, found in _solved(asked, design, settings, workers, cluster):
+                run.save(name, chunks[name], found)
+                if progress:
+                    progress(len(chunks[name]))
             return {name: array[cells] for name, array in values.items()}
 
         yield solve
@@ -168,7 +187,7 @@ def compute_map(
     checkpoint: Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> StabilityMap:
-    """Solve every cell of a plane from its own cold start.
+    """Solve every cell of a plane, each from a cold start.
 
     Parameters
     ----------
@@ -180,10 +199,9 @@ def compute_map(
     workers : int
         Processes.
     cluster : str, optional
-        Address of a Dask scheduler, such as ``tcp://host:8786``: its workers instead of processes
-        here.
+        Address of a Dask scheduler, such as ``tcp://host:8786``, whose workers solve instead.
     checkpoint : Path, optional
-        Folder of the checkpoint: a run that finds its own chunks there goes on from them.
+        Folder of the checkpoint, from which a run with the same plan resumes.
     progress : callable
         Called with the number of cells done since the last call.
 

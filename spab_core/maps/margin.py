@@ -1,9 +1,10 @@
-"""How far an operating point is from the nearest border of a map, and where linear theory sees
-another border.
+"""Find the distance of an operating point to the nearest border of a map, and where linear theory
+disagrees with the map.
 
-A map is taken as what it is: every cell stands for the box around it, halfway to its neighbours. A
-border lies between two cells, known to half the distance of their centres. Unstable is whatever is
-not periodic, failed cells among it."""
+Every cell of a map stands for the box around it, halfway to its neighbours. A border lies between
+two cells and is known to half the distance of their centres. Every motion that is not periodic is
+unstable, failed cells included.
+"""
 
 from __future__ import annotations
 
@@ -29,13 +30,13 @@ class Border:
     Attributes
     ----------
     value : float
-        Between the last cell of this kind and the first of the other: kg, or a bearing number.
+        Halfway between the last cell on this side and the first beyond: kg, or a bearing number.
     half : float
         Half the distance of the two cells: the border lies somewhere in ``value`` ± ``half``.
     distance : float
         From the point to ``value``, at least 0.
     beyond : str
-        What the first cell behind it does, such as "chaotic".
+        Motion in the first cell beyond it, such as "chaotic".
     """
 
     value: float
@@ -46,8 +47,8 @@ class Border:
 
 @dataclass(frozen=True)
 class Nearest:
-    """The nearest point in the whole plane that is of the other kind (unstable from stable, for
-    instance).
+    """The nearest point in the whole plane beyond a border, such as an unstable one from a stable
+    one.
 
     Attributes
     ----------
@@ -55,9 +56,9 @@ class Nearest:
         kg on one bearing.
     bearing_number : float
     change : float
-        Root of the sum of squares of the relative changes of mass and speed that lead there.
+        Root of the sum of squares of the relative changes of mass and speed to reach it.
     beyond : str
-        What its cell does.
+        Motion in its cell.
     """
 
     rotor_mass: float
@@ -68,7 +69,7 @@ class Nearest:
 
 @dataclass(frozen=True)
 class Borders:
-    """Borders around a point; None where there is none up to the edge of the map."""
+    """Borders around a point; None if there is none up to the edge of the map."""
 
     mass_below: Border | None
     mass_above: Border | None
@@ -92,11 +93,14 @@ class Margin:
         Regime of the point's cell, or the status of its failed run.
     stable, chaotic : bool
     instability : Borders
-        To the nearest unstable cells; of an unstable point, to the nearest stable ones.
+        Towards the nearest unstable cells; from an unstable point, the nearest stable ones.
     chaos : Borders
-        To the nearest chaotic cells; of a chaotic point, to the nearest that are not.
+        Towards the nearest chaotic cells; from a chaotic point, the nearest that are not.
     masses, numbers : tuple of float
         Edges of the map, kg and bearing numbers.
+    predicted : bool
+        Whether cells of the map are predicted, not solved: then a border's ``half`` is the grid's,
+        not its error.
     """
 
     rotor_mass: float
@@ -109,6 +113,7 @@ class Margin:
     chaos: Borders
     masses: tuple[float, float]
     numbers: tuple[float, float]
+    predicted: bool = False
 
     def headline(self) -> str:
         """Return the margin in one sentence."""
@@ -116,13 +121,15 @@ class Margin:
             ("unstable", "Margin") if self.stable else ("stable", f"Unstable here ({self.here})")
         )
         near = self.instability.both
+        if self.predicted:
+            begin = f"{begin}, predicted" if self.stable else f"Predicted: {_small(begin)}"
         if near is None:
             return f"{begin}: no {kind} point anywhere in the map."
         return f"{begin}: the nearest {kind} point is {near.beyond}, at {self._where(near)}."
 
     def sentences(self) -> list[str]:
-        """Borders in mass at this speed, in speed at this mass; then chaos, where it is not the
-        nearest instability.
+        """Describe the borders in mass at this speed and in speed at this mass, then chaos if it is
+        not the nearest instability.
         """
         at_speed, at_mass = (
             f"t {_thousands(self.speed_rpm, 10.0)} rpm",
@@ -145,8 +152,7 @@ class Margin:
         return [
             *found,
             f"Chaos is nearest at {self._where(near)}; a{at_speed} "
-            f"{self._ends(self.chaos, 'mass')}; "
-            f"a{at_mass} {self._ends(self.chaos, 'number')}.",
+            f"{self._ends(self.chaos, 'mass')}; a{at_mass} {self._ends(self.chaos, 'number')}.",
         ]
 
     @property
@@ -154,9 +160,47 @@ class Margin:
         """Shaft speed of the point."""
         return self.bearing_number * self.rpm_per_number
 
+    def _end(self, border: Border, side: str, scale: float) -> str:
+        half = scale * border.half
+        value, begin = (
+            _thousands(scale * border.value, half),
+            "up to" if side == "below" else "from",
+        )
+        if self.predicted:
+            return f"predicted {begin} about {value}"
+        return f"{begin} {value} ± {_thousands(half, half)}"
+
+    def limits(self) -> list[dict[str, Any]]:
+        """Return the borders of instability as ``limits`` of ``spab margin --json``."""
+        found = []
+        for axis, name, at in (
+            ("speed", "number", self.bearing_number),
+            ("mass", "mass", self.rotor_mass),
+        ):
+            scale = self.rpm_per_number if axis == "speed" else 1.0
+            for direction, side in (("down", "below"), ("up", "above")):
+                border: Border | None = getattr(self.instability, f"{name}_{side}")
+                if border is None:
+                    continue
+                found.append(
+                    {
+                        "axis": axis,
+                        "direction": direction,
+                        "what": border.beyond if self.stable else self.here,
+                        "value": scale * border.value,
+                        "low": scale * (border.value - border.half),
+                        "high": scale * (border.value + border.half),
+                        "begins": self.stable,
+                        "change": border.value / at - 1.0,
+                        "predicted": self.predicted,
+                    }
+                )
+        return found
+
     def record(self) -> dict[str, Any]:
-        """Return plain values, the keys of ``spab margin --json``."""
+        """Return plain values, the keys of ``spab margin --map --json``."""
         return asdict(self) | {
+            "limits": self.limits(),
             "speed_rpm": self.speed_rpm,
             "headline": self.headline(),
             "sentences": self.sentences(),
@@ -184,7 +228,7 @@ class Margin:
         )
 
     def _along(self, borders: Borders, axis: str) -> str:
-        """Both borders along an axis, the nearer one first."""
+        """Write both borders along an axis, the nearer one first."""
         unit, scale, edges = self._units(axis)
         told = []
         for side, edge in zip(("below", "above"), edges, strict=True):
@@ -204,7 +248,7 @@ class Margin:
                         border.distance,
                         f"{_thousands(scale * border.distance, scale * border.half)} {unit} "
                         f"{'above' if side == 'below' else 'below'} the {border.beyond} band "
-                        f"({_end(border, side, scale)} {unit})",
+                        f"({self._end(border, side, scale)} {unit})",
                     )
                 )
         return "; ".join(text for _, text in sorted(told))
@@ -215,15 +259,14 @@ class Margin:
         sides = {side: getattr(borders, f"{axis}_{side}") for side in ("below", "above")}
         return (
             " and ".join(
-                f"{_end(b, side, scale)} {unit}" for side, b in sides.items() if b is not None
+                f"{self._end(b, side, scale)} {unit}" for side, b in sides.items() if b is not None
             )
             or "nowhere"
         )
 
 
-def _end(border: Border, side: str, scale: float) -> str:
-    half = scale * border.half
-    return f"{'up to' if side == 'below' else 'from'} {_thousands(scale * border.value, half)} ± {_thousands(half, half)}"
+def _small(words: str) -> str:
+    return words[0].lower() + words[1:]
 
 
 def _percent(change: float) -> str:
@@ -231,13 +274,13 @@ def _percent(change: float) -> str:
 
 
 def _thousands(value: float, resolution: float) -> str:
-    """Write a number without digits finer than the first one of its resolution."""
+    """Format a number without digits finer than the first digit of its resolution."""
     digits = -math.floor(math.log10(resolution)) if resolution > 0.0 else 6
     return f"{round(value, digits):,.{max(digits, 0)}f}"
 
 
 def margin(m: StabilityMap, rotor_mass: float, bearing_number: float) -> Margin:
-    """Return how far a point of a map is from instability and from chaos, or from the end of them.
+    """Return the distance of a point of a map to instability and to chaos, or out of them.
 
     Parameters
     ----------
@@ -286,15 +329,16 @@ def margin(m: StabilityMap, rotor_mass: float, bearing_number: float) -> Margin:
         borders(chaos != chaos[row, column]),
         (float(m.rotor_mass[0]), float(m.rotor_mass[-1])),
         (float(m.bearing_number[0]), float(m.bearing_number[-1])),
+        bool(np.any((m.status == "ok") & (m.revolutions == 0))),
     )
 
 
 def _edges(axis: np.ndarray) -> np.ndarray:
-    """Return the edges of the cells, (n + 1,): halfway between the centres; the outermost are the
-    outermost centres, where the map ends.
+    """Return the edges of the cells, (n + 1,), halfway between the centres; the map ends at its
+    outermost centres.
     """
     if np.any(np.diff(axis) <= 0.0):
-        raise MapError("the axes of this map do not rise: no margin can be told")
+        raise MapError("the axes of this map do not increase, so it has no margin")
     return np.concatenate([axis[:1], 0.5 * (axis[1:] + axis[:-1]), axis[-1:]])
 
 
@@ -306,7 +350,7 @@ def _words(m: StabilityMap, row: int, column: int) -> str:
 def _along(
     other: np.ndarray, k: int, axis: np.ndarray, point: float, words: Callable[[int], str]
 ) -> tuple[Border | None, Border | None]:
-    """Borders below and above index k to the first cells where ``other`` is true."""
+    """Return the borders below and above index k to the first cells where ``other`` is true."""
     found: list[Border | None] = []
     for cells, step in (
         (np.flatnonzero(other[:k])[-1:], -1),
@@ -357,8 +401,8 @@ class Region:
     share : float
         Of all cells.
     numbers, masses : tuple of float
-        Where they are: nine tenths of them lie within these bearing numbers, and within these rotor
-        masses in kg; nan where there are none.
+        Bearing numbers, and rotor masses in kg, within which nine tenths of them lie; nan if there
+        are none.
     """
 
     share: float
@@ -370,13 +414,14 @@ class Region:
         if not self.share:
             return "no cell"
         (a, b), (c, d) = self.numbers, self.masses
-        return f"{100.0 * self.share:.2g} % of the cells (mostly Λ {a:.2g} to {b:.2g}, {c:.2g} to {d:.2g} kg)"
+        where = f"Λ {a:.2g} to {b:.2g}, {c:.2g} to {d:.2g} kg"
+        return f"{100.0 * self.share:.2g} % of the cells (mostly {where})"
 
 
 @dataclass(frozen=True)
 class LinearDisagreement:
-    """Where linear stability of the static equilibrium, without unbalance, does not predict the
-    motion with unbalance.
+    """Cells where linear stability of the static equilibrium, without unbalance, does not predict
+    the motion with unbalance.
 
     Attributes
     ----------
@@ -386,7 +431,8 @@ class LinearDisagreement:
         Linearly unstable, and the orbit repeats after two revolutions or more: a whirl locked to
         the rotation.
     driven : Region
-        Linearly stable, yet the orbit is chaotic, quasi-periodic or fails: the unbalance drives it.
+        Linearly stable, yet the orbit is chaotic or quasi-periodic, or the run fails: driven by
+        unbalance.
     """
 
     calm: Region
@@ -394,7 +440,7 @@ class LinearDisagreement:
     driven: Region
 
     def sentences(self) -> list[str]:
-        """All three in words."""
+        """Describe all three in words."""
         return [
             "Linearly unstable, yet the orbit repeats every revolution, without whirl: "
             f"{self.calm.text()}.",
@@ -417,7 +463,7 @@ def critical_masses(table: LinearTable, bearing_number: float) -> np.ndarray:
 
 
 def against_linear(m: StabilityMap, table: LinearTable) -> LinearDisagreement:
-    """Compare a map with linear stability; ``table`` is of the map's design and covers its plane."""
+    """Compare a map with linear stability; ``table`` is of its design and covers its plane."""
     number, mass = (a.ravel() for a in np.meshgrid(m.bearing_number, m.rotor_mass, indexing="ij"))
     stable = table.at(number, mass)[:, 0] < 0.0
 

@@ -6,7 +6,7 @@ import contextlib
 import os
 from collections.abc import Callable, Iterator
 from concurrent import futures
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import joblib
 from joblib.externals.loky import ProcessPoolExecutor
@@ -25,7 +25,9 @@ CLUSTER_SECONDS = 20  # for a scheduler to answer and for its first worker
 def cluster_or_processes(
     workers: int, settings: Settings, cluster: str | None = None
 ) -> Iterator[joblib.Parallel]:
-    """Yield joblib's worker processes, or those of a Dask cluster, to solve with such settings."""
+    """Yield worker processes of joblib or of a Dask cluster, with the solver compiled for
+    ``settings``.
+    """
     options = {"return_as": "generator_unordered", "pre_dispatch": "2*n_jobs"}
     if cluster is None:
         compile_once(settings)  # before several would at once
@@ -34,27 +36,27 @@ def cluster_or_processes(
         )
         return
     try:
-        from distributed import Client
+        import distributed
     except ImportError:
         raise InputError(
             "--dask needs the packages dask and distributed: pip install 'spab-core[dask]'"
         ) from None
     with contextlib.ExitStack() as stack:
         try:
-            client = stack.enter_context(Client(cluster, timeout=CLUSTER_SECONDS))
+            client: Any = distributed.Client
+            client = stack.enter_context(client(cluster, timeout=CLUSTER_SECONDS))
             client.wait_for_workers(1, timeout=CLUSTER_SECONDS)
         except (OSError, ValueError, TypeError, TimeoutError) as error:
             raise InputError(
                 f"--dask = {cluster[:200]!r}: no scheduler with workers answers there within "
-                f"{CLUSTER_SECONDS} s "
-                f"({' '.join(str(error).split())[:200]})"
+                f"{CLUSTER_SECONDS} s ({' '.join(str(error).split())[:200]})"
             ) from None
         stack.enter_context(joblib.parallel_config(backend="dask", client=client))
         yield joblib.Parallel(n_jobs=-1, **options)
 
 
 class _Here(futures.Executor):
-    """Run what is submitted at once, in this process."""
+    """Executor that runs each call immediately, in this process."""
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> futures.Future[T]:
         future: futures.Future[T] = futures.Future()
@@ -64,7 +66,9 @@ class _Here(futures.Executor):
 
 @contextlib.contextmanager
 def executor(workers: int, settings: Settings) -> Iterator[futures.Executor]:
-    """Start worker processes to solve with such settings, killed if the block raises; 1: here."""
+    """Start worker processes with the solver compiled for ``settings``; kill them if the block
+    raises. With 1 worker solve in this process.
+    """
     if workers == 1:
         yield _Here()
         return

@@ -1,8 +1,8 @@
-"""What if the drawing changes: how far the next unstable motion moves, and what a machine's run-up
-crosses.
+"""What if the drawing changes: how the margin of a machine moves, and what its run-up crosses.
 
-The machine keeps its rotor mass and speed when its bearing is changed, so margins are told in kg
-and rpm, and the bearing number is formed anew for every design."""
+The machine keeps its rotor mass and speed when its bearing is changed, so margins are in kg and
+rpm, and the bearing number is computed for each design.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from spab_core.common.errors import InputError
 from spab_core.common.files import write_atomically
 from spab_core.common.npz import UNREADABLE
 from spab_core.common.units import from_rpm
-from spab_core.common.validation import check_number
+from spab_core.common.validation import check_choice, check_number
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, check_point
 from spab_core.design.model import Design
 from spab_core.maps.parallel import cluster_or_processes
@@ -64,13 +64,11 @@ class MachineMargin:
     axis : str
         ``speed`` or ``mass``.
     stable : bool
-        Whether the motion is periodic at the operating point; a run that fails (touchdown) is
-        unstable.
+        Whether the motion is periodic at the operating point; a failed run (touchdown) is unstable.
     at : float
         Speed in rpm, or rotor mass in kg, of the operating point.
     below, above : float
-        The nearest border to each side, in the same unit; nan where there is none within the reach
-        of the scan.
+        The nearest border to each side, in the same unit; nan if the scan finds none.
     low, high : float
         Ends of the scan.
     """
@@ -88,7 +86,7 @@ class MachineMargin:
         """Relative distance to the nearer border, negative where the operating point itself is
         unstable.
 
-        Where there is no border within reach: the end of the scan, a lower bound of it.
+        Without a border within the scan: the distance to its end, a lower bound.
         """
         borders = [border for border in (self.below, self.above) if not np.isnan(border)]
         nearest = min(abs(end - self.at) for end in borders or (self.low, self.high))
@@ -111,8 +109,7 @@ def check_margin(
     design: Design, rotor_mass: float, speed_rpm: float, axis: str, scan: int = SCAN
 ) -> None:
     """Raise :class:`InputError` for a machine, an axis or a scan out of range."""
-    if axis not in AXES:
-        raise InputError(f"axis = {str(axis)[:40]!r} is not allowed: choose {' or '.join(AXES)}")
+    check_choice("axis", axis, AXES)
     check_number("scan", scan, 2, 1000)
     low, high = (limit / _number(design, 1.0) for limit in BEARING_NUMBER_RANGE)
     check_number("speed", speed_rpm, low, high, "rpm")
@@ -128,7 +125,7 @@ def machine_margin(
     *,
     scan: int = SCAN,
 ) -> MachineMargin:
-    """Seek the nearest borders along an axis, by cold starts outward from the operating point and
+    """Find the nearest borders along an axis by cold starts outward from the operating point, then
     bisection.
 
     Parameters
@@ -141,8 +138,7 @@ def machine_margin(
         Of :data:`AXES`.
     settings : Settings
     scan : int
-        Points to each side: bands narrower than their distance, ``REACH**(1/scan)``, can be stepped
-        over.
+        Points to each side; bands narrower than their spacing, ``REACH**(1/scan)``, can be missed.
 
     Returns
     -------
@@ -172,8 +168,8 @@ def machine_margin(
 
 
 def _border(stable: Callable[[float], bool], here: bool, at: float, end: float, scan: int) -> float:
-    """Return the first value from ``at``, where ``stable`` is ``here``, to ``end`` at which it
-    changes; nan where it does not.
+    """Return the first value from ``at`` to ``end`` at which ``stable`` is no longer ``here``; nan
+    if there is none.
     """
     near = at
     for value in np.geomspace(at, end, scan + 1)[1:].tolist() if end != at else ():
@@ -192,8 +188,9 @@ def variations(design: Design, step: float = STEP) -> list[tuple[str, float, Des
     """Return the designs with one value lower and higher by ``step``: (name of the value, factor,
     design).
 
-    Values that are nought or infinite (no unbalance, a rigid shaft), and designs out of range, are
-    left out."""
+    Values that are 0 or infinite (no unbalance, a rigid shaft) and designs out of range are left
+    out.
+    """
     found = []
     for key, name in VALUES.items():
         part, _, field = key.partition("__")
@@ -220,8 +217,7 @@ def sensitivity(
     workers: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> tuple[MachineMargin, pd.DataFrame]:
-    """Return how the margin of a machine moves with each value of its design: the numbers of a
-    tornado chart.
+    """Compute how the margin of a machine moves with each value of its design, for a tornado chart.
 
     Parameters
     ----------
@@ -233,7 +229,7 @@ def sensitivity(
         Processes.
     progress : callable
         Called with the number of margins found since the last call, ``1 + len(variations(design))``
-        in all.
+        in total.
 
     Returns
     -------
@@ -293,7 +289,7 @@ def _numbered_margin(number: int, *arguments: Any, scan: int) -> tuple[int, Mach
 
 
 def save_sensitivity(base: MachineMargin, table: pd.DataFrame, path: Path) -> None:
-    """Write what :func:`sensitivity` gave as JSON, atomically."""
+    """Write a result of :func:`sensitivity` as JSON, atomically."""
     rows = table.astype(object).where(table.notna(), None).to_dict("list")
     numbers = {
         name: None if value != value else value for name, value in dataclasses.asdict(base).items()
@@ -302,7 +298,7 @@ def save_sensitivity(base: MachineMargin, table: pd.DataFrame, path: Path) -> No
 
 
 def load_sensitivity(path: Path) -> tuple[MachineMargin, pd.DataFrame]:
-    """What :func:`save_sensitivity` wrote. Raises ``InputError`` for any other file."""
+    """Read a file of :func:`save_sensitivity`. Raises ``InputError`` for any other file."""
     try:
         if path.stat().st_size > _MAX_BYTES:
             raise ValueError(f"it has more than {_MAX_BYTES:,} bytes")
@@ -317,27 +313,27 @@ def load_sensitivity(path: Path) -> tuple[MachineMargin, pd.DataFrame]:
             or not isinstance(base.stable, bool)
             or not 0.0 < places[0] <= places[1] <= places[2] < math.inf
         ):
-            raise ValueError("its margin is none")
+            raise ValueError("its margin is damaged")
         if (
             any(not isinstance(border, float) for border in (base.below, base.above))
             or data["rows"].keys() != _COLUMNS.keys()
         ):
-            raise ValueError("its values do not fit together")
+            raise ValueError("its borders or its table are damaged")
         table = pd.DataFrame(data["rows"], columns=list(_COLUMNS)).astype(_COLUMNS)
     except UNREADABLE as error:
         raise InputError(f"cannot read the sensitivity {str(path)!r}: {str(error)[:200]}") from None
     return base, table
 
 
-def regime_intervals(values: np.ndarray, regime: Sequence[str]) -> pd.DataFrame:
-    """Return what a line of operating points crosses: one row for each run of equal regimes.
+def regime_intervals(values: np.ndarray, regime: Sequence[str] | np.ndarray) -> pd.DataFrame:
+    """Return the regimes along a line of operating points: one row for each run of equal regimes.
 
     Parameters
     ----------
     values : ndarray, (n,)
         Rising.
     regime : sequence of str, (n,)
-        "" where a run failed.
+        "" if a run failed.
 
     Returns
     -------

@@ -18,7 +18,9 @@ from spab_core.common.npz import npz_bytes
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
 from spab_core.solver.stepping import STATUS
-from spab_core.trajectory.regimes import MAX_PERIOD, NO_EXPONENT, REGIMES, Regime
+from spab_core.trajectory.assessment import DEFAULT_LIMITS, Limits, Motion, grades
+from spab_core.trajectory.periodic_orbit import MAX_PERIOD
+from spab_core.trajectory.regimes import NO_EXPONENT, REGIMES, Regime
 
 MAX_CELLS = 2_000_000
 _CELL = ("bearing_number", "rotor_mass")
@@ -31,7 +33,12 @@ CELLS = {  # the arrays with one value a cell, in the file's order
     "max_eccentricity": Array(np.float64, _CELL, low=0.0, high=1e6),
     "status": Array("<U16", _CELL, texts=STATUS),
     "revolutions": Array(np.int32, _CELL, low=0, high=1e6),
+    # which maps of earlier versions lack: nan there
+    "orbit_amplitude": Array(np.float64, _CELL, low=0.0, high=1e6, required=False),
+    "thin_film_share": Array(np.float64, _CELL, low=0.0, high=1.0 + 1e-9, required=False),
+    "peak_contact_force": Array(np.float64, _CELL, low=0.0, required=False),
 }
+OPTIONAL = tuple(name for name, array in CELLS.items() if not array.required)
 FIELDS: dict[str, Any] = {name: array.dtype for name, array in CELLS.items()}
 AXES = {
     "bearing_number": Array(np.float64, ("bearing_number",), rising=True),
@@ -45,8 +52,14 @@ def unsolved(dtype: Any, shape: int | tuple[int, ...]) -> np.ndarray:
     return np.full(shape, np.nan if kind == "f" else "" if kind == "U" else 0, dtype)
 
 
+def with_unknown(found: dict[str, Any], shape: tuple[int, ...]) -> dict[str, Any]:
+    """Return the arrays of a file with nan for those of :data:`CELLS` that it lacks."""
+    lacking = (name for name in CELLS if name not in found)
+    return found | {name: unsolved(CELLS[name].dtype, shape) for name in lacking}
+
+
 class MapError(InputError):
-    """A map file that cannot be read, or a run that cannot be resumed; the message says why."""
+    """A map file cannot be read, or a run cannot be resumed; the message says why."""
 
 
 _SCHEMA = Schema(
@@ -55,6 +68,10 @@ _SCHEMA = Schema(
     {"metadata": ("design", "mesh", "transient", "revolutions")},
     error=MapError,
 )
+
+
+def _unknown() -> np.ndarray:
+    return np.array(np.nan)
 
 
 @dataclass(frozen=True)
@@ -67,18 +84,22 @@ class StabilityMap:
     rotor_mass : ndarray, (M,)
         kg on one bearing.
     mle, mle_standard_error : ndarray, (B, M)
-        Per revolution; nan where the run failed.
+        Per revolution; nan if the run failed.
     regime : ndarray of str, (B, M)
-        One of ``regimes.REGIMES``, "" where the run failed.
+        One of ``regimes.REGIMES``, "" if the run failed.
     period : ndarray of int, (B, M)
         Revolutions; 0 unless periodic.
     contact_share, max_eccentricity : ndarray, (B, M)
+        Share of the time in contact by force (:attr:`OperatingPoint.contact_share`), and over C.
     status : ndarray of str, (B, M)
         One of ``stepping.STATUS``.
     revolutions : ndarray of int, (B, M)
-        How many were integrated: less than asked for where a run settled early, or failed.
+        Number integrated, less than requested if a run settled early or failed.
     metadata : dict
         Design, mesh, settings, versions, date, wall seconds.
+    orbit_amplitude, thin_film_share, peak_contact_force : ndarray, (B, M)
+        As the attributes of :class:`OperatingPoint` of these names, the force in N; nan where they
+        are not known.
     """
 
     bearing_number: np.ndarray
@@ -92,6 +113,14 @@ class StabilityMap:
     status: np.ndarray
     revolutions: np.ndarray
     metadata: dict[str, Any] = field(default_factory=dict)
+    orbit_amplitude: np.ndarray = field(default_factory=_unknown)
+    thin_film_share: np.ndarray = field(default_factory=_unknown)
+    peak_contact_force: np.ndarray = field(default_factory=_unknown)
+
+    def __post_init__(self) -> None:
+        for name in OPTIONAL:
+            if not getattr(self, name).ndim:
+                object.__setattr__(self, name, np.full(self.shape, np.nan))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -103,6 +132,13 @@ class StabilityMap:
         """The design that the map was computed for."""
         return Design.from_dict(self.metadata["design"])
 
+    def grades(self, limits: Limits = DEFAULT_LIMITS) -> np.ndarray:
+        """Return the assessment of each cell by its motion alone, (B, M) of str
+        (:func:`spab_core.trajectory.assessment.grades`).
+        """
+        motions = Motion(*(getattr(self, name) for name in Motion._fields))
+        return grades(self.design, motions, limits)
+
     def nearest(self, rotor_mass: float, bearing_number: float) -> tuple[int, int]:
         """Return the indices (bearing number, rotor mass) of the nearest cell."""
         return (
@@ -111,7 +147,7 @@ class StabilityMap:
         )
 
     def cell_text(self, row: int, column: int) -> str:
-        """Describe a cell in words: regime with period and exponent, or the status of a failed run."""
+        """Describe a cell: regime with period and exponent, or the status of a failed run."""
         if not self.regime[row, column]:
             return f"{NO_EXPONENT} ({self.status[row, column]})"
         name = Regime(str(self.regime[row, column]), int(self.period[row, column])).text
@@ -121,12 +157,12 @@ class StabilityMap:
 
 
 def axis(text: str, name: str) -> np.ndarray:
-    """Read "start:stop:count", both ends included.
+    """Parse "start:stop:count", both ends included.
 
     Raises
     ------
     InputError
-        With the name of the axis and what is allowed.
+        The message names the axis and what is allowed.
     """
     parts = str(text).split(":")
     try:
@@ -149,7 +185,7 @@ def axis(text: str, name: str) -> np.ndarray:
 def check_plane(bearing_number: np.ndarray, rotor_mass: np.ndarray) -> int:
     """Return the number of cells of a plane.
 
-    Raises :class:`InputError` where there are too many or one is out of range.
+    Raises :class:`InputError` if there are too many or one is out of range.
     """
     count = len(bearing_number) * len(rotor_mass)
     if not 1 <= count <= MAX_CELLS:
@@ -163,7 +199,7 @@ def check_plane(bearing_number: np.ndarray, rotor_mass: np.ndarray) -> int:
 
 
 def map_bytes(result: StabilityMap) -> bytes:
-    """A map as the bytes of an NPZ file.
+    """Return a map as an NPZ file.
 
     Keys: those of :class:`StabilityMap`, ``metadata`` as JSON text.
     """
@@ -178,7 +214,7 @@ def save_map(result: StabilityMap, path: str | Path) -> None:
 
 
 def load_map(path: str | Path) -> StabilityMap:
-    """Read a map file and check it; nothing in it is ever unpickled.
+    """Read a map file and check it; nothing is unpickled.
 
     Raises
     ------
@@ -192,4 +228,4 @@ def load_map(path: str | Path) -> StabilityMap:
     if np.any(np.isfinite(found["mle"]) != (found["status"] == "ok")):
         raise _SCHEMA.refusal(path, 'mle must be finite where status is "ok", and nowhere else')
     Design.from_dict(found["metadata"]["design"])
-    return StabilityMap(**found)
+    return StabilityMap(**with_unknown(found, found["mle"].shape))

@@ -9,5 +9,5 @@ lines                Bifurcation lines
 bearing              Coefficients and stiffness
 sensitivity          What a changed drawing does
 surrogates           Predicted maps, errors, refining, the audit
-still                The map and the orbits as plain pictures
+plain_picture        The map and the orbits as plain pictures
 """

@@ -17,6 +17,7 @@ from spab_core.maps.stability_map import StabilityMap
 from spab_core.plotting.theme import (
     BEARING_NUMBER_LABEL,
     CHOSEN,
+    GRADE_COLOURS,
     MASS_LABEL,
     MLE_LIMIT,
     PERIOD_COLOURS,
@@ -24,9 +25,17 @@ from spab_core.plotting.theme import (
     class_layer,
 )
 from spab_core.surrogates.models import PredictedMap
+from spab_core.trajectory.assessment import GRADE_WORDS
 from spab_core.trajectory.regimes import NO_EXPONENT, REGIMES, Regime
 
-LAYERS = ("MLE", "Regime", "Contact share", "Largest eccentricity", "Surrogate prediction")
+LAYERS = (
+    "Assessment",
+    "MLE",
+    "Regime",
+    "Contact share",
+    "Largest eccentricity",
+    "Surrogate prediction",
+)
 SURROGATE = LAYERS[-1]
 HEIGHT = 560  # pixels
 _SMOOTHED = 1.2  # cells: chaos in single cells leaves no island in the border
@@ -57,11 +66,19 @@ def _layer(
     figure: go.Figure, m: StabilityMap, layer: str, predicted: PredictedMap | None
 ) -> dict[str, Any]:
     """Return values and colours of a layer's heatmap; regimes go into the figure's legend."""
+    if layer == "Assessment":
+        found = m.grades()
+        told = hover(m, "")
+        told["text"] = told["text"] + "<br>" + np.vectorize(GRADE_WORDS.get)(found).T
+        return told | class_layer(
+            figure,
+            [(GRADE_WORDS[g], colour, found == g) for g, colour in GRADE_COLOURS.items()],
+        )
     if layer == "Regime":
         return hover(m, "") | class_layer(figure, _classes(m))
     bar = {"thickness": 12, "len": 1.0, "title_side": "right", "xpad": 4}
     if layer == "Contact share":
-        return hover(m, "<br>contact %{z:.1f} % of the time") | {
+        return hover(m, "<br>in contact %{z:.1f} % of the time") | {
             "z": 100.0 * m.contact_share,
             "zmin": 0.0,
             "colorscale": "Cividis",
@@ -138,7 +155,7 @@ def _add_line(
 
 def map_figure(
     m: StabilityMap,
-    layer: str = "MLE",
+    layer: str = LAYERS[0],
     predicted: PredictedMap | None = None,
     table: LinearTable | None = None,
 ) -> go.Figure:

@@ -19,13 +19,7 @@ QUANTITIES = ("Pressure", "Film thickness")  # that may colour the film
 FILM_SHARE = 0.25  # of the sphere's radius: what one clearance is drawn as
 MAX_ORDER = 4.0
 _MAX_SECTION = 400  # points drawn over an orbit
-_COLOURS = {
-    "film": JOURNAL,
-    "contact": SECTION,
-    "unbalance": DISC,
-    "gravity": GREEN,
-    "shaft": PINK,
-}
+_COLOURS = {"film": JOURNAL, "contact": SECTION, "unbalance": DISC, "gravity": GREEN, "shaft": PINK}
 _TITLE = {"font_size": 14}
 
 
@@ -56,7 +50,7 @@ def _square(figure: go.Figure, title: str, reach: float = 1.08) -> go.Figure:
 
 
 def _reach(*paths: np.ndarray) -> float:
-    """Half width of a square that holds the clearance circle and all positions in (n, >= 4) states."""
+    """Half width of a square around the clearance circle and all positions in (n, >= 4) states."""
     return max([1.08, *(1.05 * float(np.abs(p[:, :4]).max()) for p in paths if len(p))])
 
 
@@ -197,7 +191,7 @@ def exponent_figure(point: OperatingPoint) -> go.Figure:
         },
         height=340,
         xaxis={
-            "title": "revolutions with a tangent"
+            "title": "products with the monodromy matrix"
             if point.trajectory.settled
             else "revolutions measured"
         },

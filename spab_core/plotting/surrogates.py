@@ -164,7 +164,7 @@ def uncertainty_figure(m: StabilityMap, found: MapIntervals) -> go.Figure:
 
 
 def reliability_figure(bins: pd.DataFrame) -> go.Figure:
-    """Observed share of unstable cells over the probability told, from ``uncertainty.reliability``."""
+    """Observed share of unstable cells over the predicted one, from ``uncertainty.reliability``."""
     figure = go.Figure()
     figure.add_scatter(
         x=[0, 1],
@@ -233,11 +233,7 @@ def fraction_figure(means: pd.DataFrame, deviations: pd.DataFrame, label: str) -
         )
     return figure.update_layout(
         xaxis={"title": "cells trained on, of n"},
-        yaxis={
-            "title": f"{label} (log scale)",
-            "type": "log",
-            "tickvals": LOG_TICKS,
-        },
+        yaxis={"title": f"{label} (log scale)", "type": "log", "tickvals": LOG_TICKS},
         height=420,
         margin={"l": 60, "r": 10, "t": 20, "b": 50},
     )
@@ -299,8 +295,7 @@ def _prediction_layer(figure: go.Figure, r: Refinement, layer: str) -> dict[str,
     if layer == "Regime":
         labels = {label: label or f"{NO_EXPONENT} (run fails)" for label in LABELS}
         return class_layer(
-            figure,
-            ((labels[label], REGIME_COLOURS[label], r.regime == label) for label in LABELS),
+            figure, ((labels[label], REGIME_COLOURS[label], r.regime == label) for label in LABELS)
         ) | {
             "text": np.where(r.regime == "", NO_EXPONENT, r.regime).T,
             "hovertemplate": f"{_WHERE}: %{{text}} predicted<extra></extra>",
@@ -437,6 +432,8 @@ def audit_figure(rows: pd.DataFrame) -> go.Figure:
     )
     for regime in REGIMES:
         found = rows[rows["regime"] == regime]
+        if found.empty:
+            continue
         other = found["map_regime"] != regime
         figure.add_scatter(
             x=found["map_mle"],

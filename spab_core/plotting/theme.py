@@ -17,7 +17,13 @@ REGIME_COLOURS = {  # by trajectory.regimes.REGIMES; "": the run failed
     "periodic": "#56B4E9",
     "quasi-periodic": "#F0E442",
     "chaotic": "#D55E00",
+    "undecided": "#CC79A7",
     "": "#999999",
+}
+GRADE_COLOURS = {  # by trajectory.assessment.GRADES
+    "good": "#009E73",
+    "watch": "#F0E442",
+    "avoid": "#D55E00",
 }
 PERIOD_COLOURS = (REGIME_COLOURS["periodic"], "#0072B2", "#00334d")  # period 1, 2, 3 and more
 CHOSEN = "chosen point"  # name of the trace that marks it

@@ -17,18 +17,25 @@ from spab_core.common.errors import InputError
 from spab_core.maps.stability_map import FIELDS, StabilityMap
 from spab_core.solver.stepping import STATUS
 from spab_core.surrogates.models import PredictedMap
+from spab_core.trajectory.assessment import GRADES
 from spab_core.trajectory.regimes import NO_EXPONENT, REGIMES
 
 PNG_SIZE = (1200, 750)
 # text arrays become numbers whose meanings are listed: NetCDF 3 has no strings
-_CODES = {"regime": (NO_EXPONENT, *REGIMES), "status": STATUS}
+_CODES = {"regime": (NO_EXPONENT, *REGIMES), "status": STATUS, "assessment": GRADES}
 _NUMBERS = {
     "mle": ("maximum Lyapunov exponent, natural logarithm", "per revolution"),
     "mle_standard_error": ("standard error of the exponent", "per revolution"),
-    "contact_share": ("share of the time at an eccentricity above 0.9", "1"),
+    "contact_share": ("share of the time in which the wall carries over a tenth of the load", "1"),
     "max_eccentricity": ("largest eccentricity of the journal over the clearance", "1"),
     "period": ("period of the orbit, 0 unless periodic", "revolutions"),
     "revolutions": ("revolutions integrated", "revolutions"),
+    "orbit_amplitude": (
+        "half the longer side of the box around the orbit, over the clearance",
+        "1",
+    ),
+    "thin_film_share": ("share of the time at an eccentricity above 0.9", "1"),
+    "peak_contact_force": ("largest normal force of the asperities", "N"),
 }
 
 
@@ -77,7 +84,8 @@ def map_table(m: StabilityMap) -> pd.DataFrame:
         "speed_rpm": np.repeat(m.design.speed_rpm(1.0) * m.bearing_number, len(m.rotor_mass)),
         "rotor_mass_kg": np.tile(m.rotor_mass, len(m.bearing_number)),
     }
-    return pd.DataFrame(columns | {name: getattr(m, name).ravel() for name in FIELDS})
+    cells = {name: getattr(m, name).ravel() for name in FIELDS}
+    return pd.DataFrame(columns | cells | {"assessment": m.grades().ravel()})
 
 
 def prediction_table(m: StabilityMap, predicted: PredictedMap) -> pd.DataFrame:
@@ -107,9 +115,13 @@ def map_netcdf(m: StabilityMap) -> bytes:
         _variable(file, name, values.astype(float), (name,), text, unit)
     for name, (text, unit) in _NUMBERS.items():
         _variable(file, name, getattr(m, name), tuple(axes), text, unit)
+    words = {
+        "regime": np.where(m.regime == "", NO_EXPONENT, m.regime),
+        "status": m.status,
+        "assessment": m.grades(),
+    }
     for name, meanings in _CODES.items():
-        words = np.where(m.regime == "", meanings[0], m.regime) if name == "regime" else m.status
-        code = np.argmax(words[..., None] == np.array(meanings), -1).astype(np.int8)
+        code = np.argmax(words[name][..., None] == np.array(meanings), -1).astype(np.int8)
         variable = _variable(file, name, code, tuple(axes), name, "1")
         variable.flag_values = np.arange(len(meanings), dtype=np.int8)
         variable.flag_meanings = " ".join(word.replace(" ", "_") for word in meanings)

@@ -1,4 +1,4 @@
-"""Everything of artifacts/ that is computed from the map: rebuilt to the bit, and verified."""
+"""Rebuild everything in artifacts/ that is computed from the map, bit for bit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from sklearn.compose import TransformedTargetRegressor
 from threadpoolctl import threadpool_limits
 
 from spab_core.common.errors import InputError
-from spab_core.common.files import write_atomically
+from spab_core.common.files import csv_bytes, write_atomically
 from spab_core.common.npz import npz_bytes
 from spab_core.maps.stability_map import StabilityMap, load_map, save_map
 from spab_core.shipped.manifest import (
@@ -56,8 +56,7 @@ from spab_core.surrogates.metrics import SEEDS, evaluate, uncertainty_scores
 from spab_core.surrogates.models import DIVISORS, MODELS, Model, training_mask
 from spab_core.surrogates.uncertainty import TooFewCells, certainty, uncertain_map
 
-# tables of errors by file: the models in them (None: all), and what evaluation.evaluate is asked
-# besides
+# tables of errors by file: the models in them (None: all), and options of metrics.evaluate
 TABLES: dict[str, tuple[tuple[str, ...] | None, dict[str, Any]]] = {
     SCORES: (None, {}),
     BLOCK_SCORES: (None, {"split": "blocks"}),
@@ -87,7 +86,7 @@ class _Trained:
     description : dict
         Of the model, for the metadata of the maps and the manifest.
     file : bytes or None
-        None for an interpolation, which has none, or one that is too large.
+        None for interpolations, which have none, and for files that are too large.
     noted : dict
         Predictions, for the manifest.
     """
@@ -128,8 +127,8 @@ def ship_intervals(m: StabilityMap, name: str, divisor: int) -> tuple[bytes, dic
 
 
 def slim(fitted: BaseEstimator) -> BaseEstimator:
-    """Set to zero, in place, what predictions of a forest do not need: impurities, counts, means of
-    inner nodes. This halves its file.
+    """Set to zero, in place, the values of a forest that predictions do not need (impurities,
+    counts, means of inner nodes), which halves its file.
     """
     forest = fitted.regressor_[-1] if isinstance(fitted, TransformedTargetRegressor) else fitted
     for fitted_tree in forest.estimators_:
@@ -149,8 +148,8 @@ def rounded(mle: np.ndarray) -> np.ndarray:
 def _choose(
     models: Mapping[tuple[str, int], bytes | None], room: int
 ) -> dict[tuple[str, int], bytes]:
-    """Return the model files to ship: those of :data:`ALWAYS`, then the smallest kinds first, as
-    long as there is room.
+    """Return the model files to ship: those of :data:`ALWAYS`, then the smallest kinds first while
+    there is room.
     """
     files = {job: data for job, data in models.items() if data is not None}
     chosen = {job: data for job, data in files.items() if job in ALWAYS}
@@ -177,16 +176,16 @@ def rebuild(
     workers: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> dict[str, int]:
-    """Train everything that is shipped and write it: scores, predicted maps, models, the manifest.
+    """Train everything that is shipped; write scores, predicted maps, models and the manifest.
 
-    The same map and versions give the same bytes, on one process or several. The manifest is
-    written last, so an interrupted run leaves files that are refused.
+    The same map and versions give the same bytes for any number of processes. The manifest is
+    written last, so files left by an interrupted run are refused.
 
     Parameters
     ----------
     m : StabilityMap
     folder : Path
-        Gets the map too where it has none.
+        The map is written to it too unless it has one.
     models : sequence of Model
     divisors, seeds : sequence of int
         Of the scores; predicted maps and models are those of seed :data:`SEED`.
@@ -203,7 +202,7 @@ def rebuild(
     Raises
     ------
     InputError
-        Where the folder holds another map, or the map has too few cells.
+        If the folder holds another map, or the map has too few cells.
     """
     source = made_from(m)
     _check_folder(m, folder, source, divisors)
@@ -235,8 +234,8 @@ def rebuild(
 def _check_folder(
     m: StabilityMap, folder: Path, source: dict[str, Any], divisors: Sequence[int]
 ) -> None:
-    """Raise :class:`InputError` where the folder holds another map, or the map has too few cells:
-    before an hour of training.
+    """Raise :class:`InputError` if the folder holds another map or the map has too few cells,
+    before an hour of training starts.
     """
     if (folder / REFERENCE_MAP).exists() and difference(
         source, made_from(load_map(folder / REFERENCE_MAP))
@@ -267,8 +266,7 @@ def _train_all(
 def _table_bytes(scores: pd.DataFrame) -> bytes:
     """Return a table of errors as CSV, without the seconds, which differ from run to run."""
     kept = [column for column in scores.columns if not column.endswith("_seconds")]
-    text: str = scores[kept].to_csv(index=False, lineterminator="\n")
-    return text.encode()
+    return csv_bytes(scores[kept])
 
 
 def _maps_bytes(
@@ -298,7 +296,7 @@ def _maps_bytes(
 
 
 def _room(folder: Path, written: dict[str, bytes]) -> int:
-    """Return how many bytes are left for models beside what is written and what else is there."""
+    """Return how many bytes are left for models beside the other files of the folder."""
     others = sum(
         (folder / name).stat().st_size
         for name in present_files(folder)
@@ -308,7 +306,7 @@ def _room(folder: Path, written: dict[str, bytes]) -> int:
 
 
 def _write(m: StabilityMap, folder: Path, written: dict[str, bytes]) -> None:
-    """Write the files and the map, where it is not there; delete the models of before."""
+    """Write the files, and the map unless it is there; delete the old models."""
     for name in present_files(folder):
         if _is_model(name) and name not in written:
             (folder / name).unlink()

@@ -1,6 +1,4 @@
-"""What is shipped in artifacts/: every file named in manifest.json with its SHA-256, checked before
-it is read.
-"""
+"""Read the files in artifacts/; check each against its SHA-256 in manifest.json first."""
 
 from __future__ import annotations
 
@@ -44,28 +42,24 @@ class ArtifactError(InputError):
 
 
 def sha256(path: Path) -> str:
-    """Hex SHA-256 of a file."""
+    """Return the hex SHA-256 of a file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _text(manifest: dict[str, Any]) -> bytes:
-    return (json.dumps(manifest, indent=1) + "\n").encode()
-
-
 def read_manifest(folder: Path = ARTIFACTS) -> dict[str, dict[str, Any]]:
-    """Entries of the manifest by file name.
+    """Return the entries of the manifest by file name.
 
     Returns
     -------
     dict
-        ``sha256``, ``bytes`` and, for what was computed from a map, ``made_from``
+        ``sha256``, ``bytes`` and, for files computed from a map, ``made_from``
         (:mod:`spab_core.shipped.provenance`).
 
     Raises
     ------
     ArtifactError
-        Where it is missing or no manifest.
+        If it is missing or no manifest.
     """
     try:
         files: dict[str, dict[str, Any]] = json.loads((folder / MANIFEST).read_text("utf-8"))[
@@ -86,7 +80,7 @@ def read_manifest(folder: Path = ARTIFACTS) -> dict[str, dict[str, Any]]:
 
 
 def present_files(folder: Path = ARTIFACTS) -> list[str]:
-    """Names of the files that a manifest must name, sorted."""
+    """Return the names of the files that a manifest must name, sorted."""
     return sorted(
         p.name for p in folder.iterdir() if p.name != MANIFEST and not p.name.startswith(".")
     )
@@ -101,13 +95,13 @@ def write_manifest(
     ----------
     folder : Path
     made_from : dict
-        By file name: what the files were computed from. A file left out keeps what the manifest
-        says of it if its bytes are the same, and loses it otherwise.
+        By file name: what the files were computed from. A file left out keeps its entry if its
+        bytes are unchanged, else the entry is dropped.
 
     Returns
     -------
     dict
-        What was written.
+        The manifest.
     """
     try:
         before = read_manifest(folder)
@@ -124,17 +118,18 @@ def write_manifest(
         if source is not None:
             entry["made_from"] = source
     manifest = {"files": files}
-    write_atomically(folder / MANIFEST, _text(manifest))
+    write_atomically(folder / MANIFEST, (json.dumps(manifest, indent=1) + "\n").encode())
     return manifest
 
 
 def checked_bytes(name: str, folder: Path = ARTIFACTS) -> bytes:
-    """Return a shipped file's bytes: the checked ones, so that the file cannot be swapped meanwhile.
+    """Return a shipped file's bytes after checking their SHA-256; the file is read once, so it
+    cannot be swapped in between.
 
     Raises
     ------
     ArtifactError
-        Where the file or the manifest is missing or damaged, or the checksums differ.
+        If the file or the manifest is missing or damaged, or the checksums differ.
     """
     files = read_manifest(folder)
     path = folder / name
@@ -150,31 +145,32 @@ def checked_bytes(name: str, folder: Path = ARTIFACTS) -> bytes:
     if hashlib.sha256(data).hexdigest() != files[name]["sha256"]:
         raise ArtifactError(
             f"{path} is not the file that the manifest names (its SHA-256 differs): restore it "
-            "from the "
-            "repository, or run `python -m spab_core.shipped.manifest` after replacing it on "
-            "purpose"
+            "from the repository, or run `python -m spab_core.shipped.manifest` after replacing it "
+            "on purpose"
         )
     return data
 
 
 def checked_path(name: str, folder: Path = ARTIFACTS) -> Path:
-    """Path of a shipped file after its checksum is checked. Raises as :func:`checked_bytes`."""
+    """Return the path of a shipped file after checking its SHA-256. Raises as
+    :func:`checked_bytes`.
+    """
     checked_bytes(name, folder)
     return folder / name
 
 
 def load_reference_map(folder: Path = ARTIFACTS) -> StabilityMap:
-    """The shipped map of the reference design. Raises :class:`ArtifactError` or ``MapError``."""
+    """Load the shipped map of the reference design. Raises ``ArtifactError`` or ``MapError``."""
     return load_map(checked_path(REFERENCE_MAP, folder))
 
 
 def load_reference_bifurcation(name: str, folder: Path = ARTIFACTS) -> Bifurcation:
-    """A shipped line of :data:`BIFURCATIONS`. Raises :class:`ArtifactError` or ``InputError``."""
+    """Load a shipped line of :data:`BIFURCATIONS`. Raises ``ArtifactError`` or ``InputError``."""
     return load_bifurcation(checked_path(name, folder))
 
 
 def load_reference_scores(folder: Path = ARTIFACTS) -> pd.DataFrame:
-    """The shipped scores of all surrogates on the reference map (``metrics.evaluate``).
+    """Load the shipped scores of all surrogates on the reference map (``metrics.evaluate``).
 
     Raises :class:`ArtifactError`.
     """
@@ -190,15 +186,15 @@ def load_reference_scores(folder: Path = ARTIFACTS) -> pd.DataFrame:
 
 
 def load_reference_refinement(folder: Path = ARTIFACTS) -> Refinement:
-    """The shipped map refined from n/16 of its cells.
+    """Load the shipped map refined from n/16 of its cells.
 
     Raises :class:`ArtifactError` or ``MapError``.
     """
     return load_refinement(checked_path(REFINED, folder))
 
 
-def load_audit(path: Path = AUDIT) -> pd.DataFrame:
-    """The cells of the map that benchmarks/audit_map.py solved again, finer and longer.
+def load_audit(path: Path) -> pd.DataFrame:
+    """Load the cells of the map that benchmarks/audit_map.py solved again, finer and longer.
 
     Raises :class:`ArtifactError`.
     """

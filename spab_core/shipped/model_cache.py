@@ -1,9 +1,10 @@
-"""Where models trained on this machine are kept between runs: a folder of this user alone, outside
-the repository.
+"""Keep models trained on this machine between runs, in a folder of this user outside the
+repository.
 
-A model file is code to whoever unpickles it. Nothing is handed out from here but the bytes of a
-file that belongs to this user, in a folder that nobody else can enter, with the checksum in the
-side file written with it."""
+Unpickling a model file can run any code. So bytes are returned only from a file of this user, in a
+folder that nobody else can enter, and only if they match the checksum in the side file written with
+it.
+"""
 
 from __future__ import annotations
 
@@ -24,11 +25,11 @@ _MAX_SIDE_BYTES = 100_000
 
 
 class CacheError(ArtifactError):
-    """The cache cannot be used, or a file in it is not to be opened; the message says why."""
+    """The cache cannot be used, or a file in it must not be opened; the message says why."""
 
 
 def wanted_folder() -> Path:
-    """$SPAB_CACHE, else $XDG_CACHE_HOME/spab, else ~/.cache/spab; may not exist.
+    """Return $SPAB_CACHE, else $XDG_CACHE_HOME/spab, else ~/.cache/spab; it may not exist.
 
     Raises :class:`CacheError` without a home.
     """
@@ -38,7 +39,7 @@ def wanted_folder() -> Path:
 
 
 def cache_folder() -> Path:
-    """The folder, made if need be with mode 0700.
+    """Return the folder; create it with mode 0700 if it does not exist.
 
     Raises :class:`CacheError` as :func:`private_folder.private_folder`.
     """
@@ -46,8 +47,8 @@ def cache_folder() -> Path:
 
 
 def read(name: str) -> tuple[bytes, dict[str, Any]] | None:
-    """Return a model's bytes and what it was made from, checked against its side file; None where
-    it is missing.
+    """Return a model's bytes, checked against its side file, and what it was made from; None if it
+    is missing.
 
     Raises
     ------
@@ -86,12 +87,12 @@ def write(path: Path, data: bytes, made_from: dict[str, Any]) -> None:
 
 
 def keep(name: str, data: bytes, made_from: dict[str, Any]) -> Path:
-    """Keep a model in the cache, and drop the oldest ones beyond :data:`MAX_BYTES`.
+    """Keep a model in the cache; delete the oldest ones beyond :data:`MAX_BYTES`.
 
     Raises
     ------
     CacheError
-        Where it cannot be kept.
+        If it cannot be kept.
     """
     folder = cache_folder()
     try:

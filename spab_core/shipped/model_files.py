@@ -1,10 +1,11 @@
-"""Files of trained models, opened only after everything about them is checked.
+"""Open files of trained models, after checking everything about them.
 
-A joblib file is code to whoever opens it. One is opened only where the manifest of artifacts/ names
-it with the SHA-256 of its bytes, or the private folder of :mod:`spab_core.shipped.model_cache`
-holds it, and only where the versions that change a pickle's meaning, design, map and training code
-are those it was made with. All of that is checked before unpickling. It is used only if it then
-predicts what was noted with it (docs/artifacts.md). Python's own version does not matter."""
+Opening a joblib file can run any code. A file is unpickled only if the manifest of artifacts/ names
+it with the SHA-256 of its bytes, or if it lies in the private folder of
+:mod:`spab_core.shipped.model_cache`; and only if the design, the map, the training code and the
+library versions that matter to a pickle are those it was made with. It is used only if it then
+reproduces the predictions noted with it (docs/artifacts.md). Python's own version does not matter.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +24,7 @@ from threadpoolctl import threadpool_limits
 
 from spab_core.maps.stability_map import StabilityMap
 from spab_core.shipped import model_cache
-from spab_core.shipped.manifest import (
-    ARTIFACTS,
-    ArtifactError,
-    checked_bytes,
-    read_manifest,
-)
+from spab_core.shipped.manifest import ARTIFACTS, ArtifactError, checked_bytes, read_manifest
 from spab_core.shipped.provenance import (
     design_hash,
     difference,
@@ -37,11 +33,7 @@ from spab_core.shipped.provenance import (
     model_source,
 )
 from spab_core.surrogates.classifier import RegimeTrees
-from spab_core.surrogates.models import (
-    Model,
-    Surrogate,
-    linear_table_of,
-)
+from spab_core.surrogates.models import Model, Surrogate, linear_table_of
 from spab_core.surrogates.uncertainty import Certainty, certainty
 
 SEED = 0  # of what is shipped
@@ -77,8 +69,8 @@ def dump(fitted: object, compress: int | tuple[str, int] = ("xz", 6)) -> bytes:
 
 
 def plain(surrogate: Surrogate) -> BaseEstimator:
-    """Return the scikit-learn estimator in a trained model: its file does not depend on where the
-    code of this project stands.
+    """Return the scikit-learn estimator in a trained model, whose file does not name modules of
+    this project.
     """
     return surrogate.estimator.trees_ if surrogate.model.theory else surrogate.estimator
 
@@ -91,7 +83,7 @@ def _around(
     cells: int,
     converged: bool | None,
 ) -> Surrogate:
-    """Return the surrogate around an estimator that :func:`plain` returned."""
+    """Return the surrogate that contains an estimator of :func:`plain`."""
     estimator = fitted
     if kind.theory:
         estimator = kind.build(seed, linear_table_of(m))
@@ -121,11 +113,12 @@ def _noted_points(m: StabilityMap) -> tuple[np.ndarray, np.ndarray]:
 
 
 def predictions(m: StabilityMap, trained: Surrogate | Certainty) -> dict[str, Any]:
-    """Return ``predictions`` at 4 x 4 cells over the plane, to be noted with a model and compared
-    when it is opened.
+    """Return ``predictions`` at 4 x 4 cells over the plane, noted with a model and compared when it
+    is opened.
 
-    Exponents per revolution; of the models behind intervals lower bounds, upper ones, and the
-    probabilities of instability and of each regime."""
+    Exponents per revolution; for the models behind intervals the lower and upper bounds, the
+    probability of instability and that of each regime.
+    """
     points = _noted_points(m)
     with threadpool_limits(1):
         if isinstance(trained, Surrogate):
@@ -147,7 +140,7 @@ _UNPICKLING = threading.Lock()  # warnings are caught for the whole process
 def _unpickle(name: str, data: bytes, retrain: str) -> Any:
     """Unpickle bytes that were checked.
 
-    Raises :class:`ArtifactError` for what cannot be opened, or only with a warning.
+    Raises :class:`ArtifactError` if they cannot be opened, or only with a warning.
     """
     try:
         with _UNPICKLING, warnings.catch_warnings(record=True) as told:
@@ -183,14 +176,13 @@ def _check_predictions(
         ) from None
     if not apart <= SAME:
         raise ArtifactError(
-            f"{name} is not used: with these libraries it predicts up to {apart:.3g} from what "
-            "was noted with "
-            f"it; {retrain}"
+            f"{name} is not used: with these libraries its predictions differ by up to "
+            f"{apart:.3g} from those noted with it; {retrain}"
         )
 
 
 def _noted(name: str, noted: object, wanted: dict[str, Any], retrain: str) -> dict[str, Any]:
-    """Return the manifest or side entry of a file, if it was made from what is wanted.
+    """Return the entry of a file in the manifest or side file if it was made from ``wanted``.
 
     Raises :class:`ArtifactError`.
     """
@@ -202,14 +194,16 @@ def _noted(name: str, noted: object, wanted: dict[str, Any], retrain: str) -> di
         True,
         False,
     ):
-        raise ArtifactError(f"{name} is not opened: what is noted of it is damaged; {retrain}")
+        raise ArtifactError(
+            f"{name} is not opened: its entry in the manifest or side file is damaged; {retrain}"
+        )
     return noted
 
 
 def _open_shipped(
     name: str, what: str, wanted: dict[str, Any], retrain: str, folder: Path
 ) -> tuple[Any, dict[str, Any]]:
-    """Return what a shipped file holds and its manifest entry, all of it checked beforehand.
+    """Return the content of a shipped file and its manifest entry, after checking both.
 
     Raises :class:`ArtifactError`.
     """
@@ -223,13 +217,13 @@ def _open_shipped(
 def load_shipped_model(
     m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, folder: Path = ARTIFACTS
 ) -> Surrogate:
-    """Check and open a shipped model; its ``seconds`` of training are nan.
+    """Check and open a shipped model; its training ``seconds`` are nan.
 
     Raises
     ------
     ArtifactError
-        Where it is not shipped, damaged, made with libraries that mean something else by it, for
-        another design or from another map, or does not predict what was noted with it; says how to
+        If it is not shipped, is damaged, was made with other library versions, for another design
+        or from another map, or does not reproduce its noted predictions; the message says how to
         train it again.
     """
     name, what = model_file(kind, divisor), f"{kind.label} trained on n/{divisor} is"
@@ -273,12 +267,12 @@ def load_shipped_certainty(
 def load_kept_model(
     m: StabilityMap, kind: Model, divisor: int, seed: int = SEED
 ) -> Surrogate | None:
-    """Check and open a model that this user trained before; None where there is none.
+    """Check and open a model that this user trained before; None if there is none.
 
     Raises
     ------
     ArtifactError
-        Where there is one that must not be opened.
+        If there is one that must not be opened.
     """
     name = cache_name(m, kind, divisor, seed)
     found = model_cache.read(name)

@@ -1,4 +1,4 @@
-"""Trained models: the shipped one, one kept on this machine, or one trained now."""
+"""Find a trained model: the shipped one, one kept on this machine, or one trained now."""
 
 from __future__ import annotations
 
@@ -14,11 +14,7 @@ from threadpoolctl import threadpool_limits
 from spab_core.design.limits import check_point
 from spab_core.maps.stability_map import FIELDS, StabilityMap
 from spab_core.shipped import model_cache
-from spab_core.shipped.manifest import (
-    ARTIFACTS,
-    ArtifactError,
-    read_manifest,
-)
+from spab_core.shipped.manifest import ARTIFACTS, ArtifactError, read_manifest
 from spab_core.shipped.model_files import (
     SEED,
     intervals_file,
@@ -47,13 +43,13 @@ DEFAULT = ("theory-trees", 8)  # model and fraction n/8 that pages begin with
 def train_on_map(
     m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, progress: Progress | None = None
 ) -> PredictedMap:
-    """Train on a map and predict it, as ``surrogates.predict_map``; the bits do not depend on the
+    """Train on a map and predict it as ``surrogates.predict_map``, with the same bits for any
     number of cores.
 
     Parameters
     ----------
     m, kind, divisor, seed :
-        As there.
+        As in ``surrogates.predict_map``.
     progress : callable
         As of :func:`spab_core.surrogates.models.train`.
 
@@ -67,8 +63,8 @@ def train_on_map(
 
 
 def _with_plain_dtypes(m: StabilityMap) -> StabilityMap:
-    """Return the map with numpy's own dtype objects: those of arrays from another process pickle
-    as other bytes.
+    """Return the map with numpy's own dtype objects, since those of arrays from another process
+    pickle to other bytes.
     """
     axes = {"bearing_number": np.float64, "rotor_mass": np.float64}
     return dataclasses.replace(
@@ -80,7 +76,7 @@ _told: set[str] = set()
 
 
 def _once(error: ArtifactError) -> list[str]:
-    """Return the error's sentence in a list, empty where this process has told it before."""
+    """Return the error's sentence in a list, empty if this process has shown it before."""
     text = str(error)
     new = [] if text in _told else [text]
     _told.add(text)
@@ -97,8 +93,8 @@ class ModelWithOrigin:
     origin : str
         ``shipped``, ``kept`` (trained on this machine before) or ``trained`` (now).
     notes : tuple of str
-        Why a shipped or kept one was refused, told once in a process; why the new one was not kept.
-        Sentences, mostly none.
+        Sentences: why a shipped or kept model was refused, once in a process; why the new one was
+        not kept. Mostly empty.
     """
 
     surrogate: Surrogate
@@ -123,9 +119,9 @@ def find_model(
     kind : Model
     divisor, seed : int
     folder : Path or None
-        Of the shipped files; None for a map of which nothing can be shipped.
+        Of the shipped files; None for a map that has none.
     progress : callable
-        As :func:`train_on_map`; called only where something is trained.
+        As :func:`train_on_map`; called only if something is trained.
 
     Raises
     ------
@@ -143,7 +139,7 @@ def find_or_train(
     folder: Path | None,
     progress: Progress | None,
 ) -> tuple[ModelWithOrigin, PredictedMap | None]:
-    """Return the model, and the predicted map too where the model had to be trained."""
+    """Return the model, and the predicted map too if the model had to be trained."""
     notes = []
     if folder is not None and seed == SEED and is_shipped(model_file(kind, divisor), folder):
         try:
@@ -169,7 +165,7 @@ def find_or_train(
 
 
 def training_cells(m: StabilityMap, divisor: int, seed: int) -> np.ndarray:
-    """Return which cells of a map (B, M) a model is trained on."""
+    """Return the mask (B, M) of the cells that a model is trained on."""
     trained: np.ndarray = np.isfinite(m.mle)
     trained[trained] = training_mask(int(trained.sum()), divisor, seed)
     return trained
@@ -206,7 +202,7 @@ def is_shipped(name: str, folder: Path) -> bool:
 def find_certainty(
     m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, *, folder: Path | None = ARTIFACTS
 ) -> tuple[Certainty, tuple[str, ...]]:
-    """Return the models behind a model's intervals: the shipped ones, else trained now.
+    """Return the models behind a model's intervals: the shipped ones, else train them.
 
     Parameters
     ----------
@@ -217,12 +213,12 @@ def find_certainty(
     -------
     Certainty
     tuple of str
-        Why the shipped ones were refused, told once in a process.
+        Why the shipped ones were refused, once in a process.
 
     Raises
     ------
     TooFewCells
-        Where the training cells leave too few to calibrate with.
+        If there are too few training cells to keep some for calibration.
     InputError
         For too few cells.
     """
@@ -233,7 +229,7 @@ def find_certainty(
 def shipped_certainty(
     m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, folder: Path | None = ARTIFACTS
 ) -> tuple[Certainty | None, tuple[str, ...]]:
-    """Return as :func:`find_certainty`, but None where no shipped models can be used."""
+    """As :func:`find_certainty`, but return None if no shipped models can be used."""
     if folder is not None and seed == SEED and is_shipped(intervals_file(kind, divisor), folder):
         try:
             return load_shipped_certainty(m, kind, divisor, seed, folder), ()
@@ -244,7 +240,7 @@ def shipped_certainty(
 
 @dataclass(frozen=True)
 class PointPrediction:
-    """What a surrogate says of one operating point; predicted, not solved.
+    """Prediction of one operating point by a surrogate, not a solution.
 
     Attributes
     ----------
@@ -279,11 +275,9 @@ def predict_point(
     *,
     folder: Path = ARTIFACTS,
 ) -> PointPrediction:
-    """Predict one point with its interval, with the default model from what is shipped: nothing is
-    trained nor solved.
+    """Predict one point and its interval with shipped models; nothing is trained or solved.
 
-    What was opened is kept in memory: the first call takes about a second, the others some
-    hundredths.
+    Opened models stay in memory: the first call takes about a second, later ones some hundredths.
 
     Parameters
     ----------
@@ -293,7 +287,7 @@ def predict_point(
         kg on one bearing.
     bearing_number : float
     kind, divisor
-        Left out: the ones that pages begin with.
+        Left out: the defaults of the pages.
     folder : Path
         Of the shipped files.
 
@@ -302,7 +296,7 @@ def predict_point(
     InputError
         For a point out of range.
     ArtifactError
-        Where the model or its intervals are not shipped, or not to be opened.
+        If the model or its intervals are not shipped, or must not be opened.
     """
     check_point(rotor_mass, bearing_number)
     key = (map_hash(m), design_hash(m.design), kind.name, divisor, folder)

@@ -1,4 +1,4 @@
-"""Predicted maps: the shipped one, or what a model found or trained now predicts."""
+"""Find a predicted map: the shipped one, or that of a model that is found or trained now."""
 
 from __future__ import annotations
 
@@ -14,13 +14,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from spab_core.common.arrays import Array, Schema, load
 from spab_core.common.npz import npz_bytes
 from spab_core.maps.stability_map import StabilityMap
-from spab_core.shipped.manifest import (
-    ARTIFACTS,
-    PREDICTIONS,
-    SECONDS,
-    ArtifactError,
-    checked_bytes,
-)
+from spab_core.shipped.manifest import ARTIFACTS, PREDICTIONS, SECONDS, ArtifactError, checked_bytes
 from spab_core.shipped.model_files import SEED
 from spab_core.shipped.model_store import (
     find_model,
@@ -30,12 +24,7 @@ from spab_core.shipped.model_store import (
     training_cells,
 )
 from spab_core.shipped.provenance import design_hash, difference, map_hash, mask_hash
-from spab_core.surrogates.models import (
-    Model,
-    PredictedMap,
-    Progress,
-    Surrogate,
-)
+from spab_core.surrogates.models import Model, PredictedMap, Progress, Surrogate
 
 _MAPS_JSON = {"metadata": ("divisors", "models", "masks")}  # of the file of predicted maps
 
@@ -55,7 +44,7 @@ class ModelOnDemand(RegressorMixin, BaseEstimator):
         ).surrogate.estimator
 
     def predict(self, X: np.ndarray) -> np.ndarray:
-        """Values at X (n, 2)."""
+        """Return values at X (n, 2)."""
         found: np.ndarray = self._estimator.predict(X)
         return found
 
@@ -69,7 +58,7 @@ class ServedMap(PredictedMap):
     origin : str
         ``shipped``, or where the model came from: see :class:`ModelWithOrigin`.
     note : str
-        Why no shipped one was used; "" where none could be expected.
+        Why the shipped one was not used; "" if none is expected.
     """
 
     origin: str = "trained"
@@ -81,12 +70,12 @@ def load_shipped_map(
 ) -> ServedMap:
     """Load a shipped predicted map; nothing is unpickled, so library versions do not matter.
 
-    The seconds are those that benchmarks/surrogates.py measured, nan where it did not.
+    Its seconds are those measured by benchmarks/surrogates.py, nan if there are none.
 
     Raises
     ------
     ArtifactError
-        Where it is not shipped, damaged, or was predicted for another design, from another map, or
+        If it is not shipped, is damaged, or was predicted for another design, from another map, or
         from other cells than the seed draws here.
     """
     data, retrain = checked_bytes(PREDICTIONS, folder), "`spab train --all` makes it again"
@@ -118,28 +107,20 @@ def load_shipped_map(
     trained = training_cells(m, divisor, seed)
     if mask_hash(trained) != expected_mask:
         raise ArtifactError(
-            f"the predicted maps of {PREDICTIONS} are not shown: this version of numpy draws "
-            "other training "
-            f"cells; {retrain}"
+            f"the predicted maps of {PREDICTIONS} are not shown: this version of numpy draws other "
+            f"training cells; {retrain}"
         )
     train_seconds, predict_seconds = measured_seconds(kind, divisor, folder)
     surrogate = Surrogate(
         kind, ModelOnDemand(m, kind, divisor, seed, folder), seed, cells, train_seconds, converged
     )
     return ServedMap(
-        kind,
-        divisor,
-        seed,
-        mle,
-        trained,
-        surrogate,
-        predict_seconds,
-        origin="shipped",
+        kind, divisor, seed, mle, trained, surrogate, predict_seconds, origin="shipped"
     )
 
 
 def measured_seconds(kind: Model, divisor: int, folder: Path = ARTIFACTS) -> tuple[float, float]:
-    """Return the benchmark's seconds of training and of predicting the map; nan where it has none."""
+    """Return the benchmark's seconds of training and of predicting the map; nan if it has none."""
     try:
         table = pd.read_csv(io.BytesIO(checked_bytes(SECONDS, folder)))
         row = table[(table["model"] == kind.name) & (table["divisor"] == divisor)].iloc[0]
@@ -157,7 +138,7 @@ def find_map(
     folder: Path = ARTIFACTS,
     progress: Progress | None = None,
 ) -> ServedMap:
-    """Return the shipped predicted map, else predict it with the model of :func:`find_model`.
+    """Return the shipped predicted map; if there is none, predict it with :func:`find_model`.
 
     Parameters and errors are those of :func:`find_model`.
     """

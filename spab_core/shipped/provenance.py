@@ -1,5 +1,6 @@
-"""What a trained model or predicted map was made from: design, map, versions, training code; and
-whether that is still the case."""
+"""Note what a trained model or predicted map was made from (design, map, versions, training code)
+and compare it with the present.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +18,11 @@ import numpy as np
 from spab_core.common.source_hash import source_hash
 from spab_core.design.model import Design
 from spab_core.linear_theory import linear_table as features
-from spab_core.maps.stability_map import FIELDS, StabilityMap
+from spab_core.maps.stability_map import FIELDS, OPTIONAL, StabilityMap
 from spab_core.surrogates import classifier, uncertainty
 from spab_core.surrogates import models as surrogates
 from spab_core.surrogates import theory_trees as theory_models
-from spab_core.surrogates.models import (
-    Model,
-)
+from spab_core.surrogates.models import Model
 
 LIBRARIES = ("numpy", "scipy", "scikit-learn", "joblib", "numba")
 
@@ -40,9 +39,7 @@ INTERVALS_RECIPE = (*RECIPE, classifier, uncertainty)
 
 @functools.cache
 def versions() -> dict[str, str]:
-    """Return the versions noted with a model: Python's without the last number, the libraries' in
-    full.
-    """
+    """Return the versions noted with a model: Python's major and minor, the libraries' in full."""
     return {"python": ".".join(platform.python_version_tuple()[:2])} | {
         name: importlib.metadata.version(name) for name in LIBRARIES
     }
@@ -62,6 +59,8 @@ def map_hash(m: StabilityMap) -> str:
     digest = hashlib.sha256()
     for name, dtype in {"bearing_number": np.float64, "rotor_mass": np.float64, **FIELDS}.items():
         array = np.ascontiguousarray(getattr(m, name), dtype)
+        if name in OPTIONAL and np.isnan(array).all():
+            continue  # of a map that was made before there was such an array
         digest.update(f"{name} {array.shape} {array.dtype.str}".encode() + array.tobytes())
     return digest.hexdigest()
 
@@ -73,15 +72,15 @@ def mask_hash(trained: np.ndarray) -> str:
 
 @functools.cache
 def recipe_hash(modules: tuple[ModuleType, ...] = RECIPE) -> str:
-    """Return the hash of modules' code, which does not depend on layout or place
+    """Return the hash of modules' code, whatever its layout or folder
     (:mod:`spab_core.common.source_hash`).
     """
     return source_hash(Path(str(module.__file__)).read_bytes() for module in modules)
 
 
 def made_from(m: StabilityMap) -> dict[str, Any]:
-    """Return what results of surrogates on a map depend on: ``versions``, ``recipe``, ``design``,
-    ``map``.
+    """Return everything that results of surrogates on a map depend on: ``versions``, ``recipe``,
+    ``design``, ``map``.
     """
     return {
         "versions": versions(),
@@ -92,29 +91,29 @@ def made_from(m: StabilityMap) -> dict[str, Any]:
 
 
 def model_source(m: StabilityMap, kind: Model, divisor: int, seed: int) -> dict[str, Any]:
-    """:func:`made_from` of one trained model: ``model``, ``divisor`` and ``seed`` too."""
+    """Return :func:`made_from` with ``model``, ``divisor`` and ``seed`` of a trained model."""
     return made_from(m) | {"model": kind.name, "divisor": divisor, "seed": seed}
 
 
 def intervals_source(m: StabilityMap, kind: Model, divisor: int, seed: int) -> dict[str, Any]:
-    """:func:`model_source` of the models behind intervals."""
+    """Return :func:`model_source` for the models behind intervals."""
     return model_source(m, kind, divisor, seed) | {"recipe": recipe_hash(INTERVALS_RECIPE)}
 
 
 def difference(noted: object, wanted: dict[str, Any]) -> str | None:
-    """Return the first difference of ``noted`` from ``wanted`` as a clause of a sentence, or None.
+    """Return the first difference between ``noted`` and ``wanted`` as a clause; None if they agree.
 
-    Of versions only the numbers of :data:`MEANING` count.
+    Of a version only as many numbers as in :data:`MEANING` count.
 
     Parameters
     ----------
     noted : object
-        What a manifest or side file says; anything at all.
+        Entry of a manifest or side file; may be any JSON value.
     wanted : dict
-        Of :func:`made_from` or :func:`model_source`, or part of it.
+        Result of :func:`made_from` or :func:`model_source`, or part of it.
     """
     if not isinstance(noted, dict):
-        return "nothing is noted of what it was made from"
+        return "there is no note of what it was made from"
     found = noted.get("versions")
     for name, now in (
         (name, _meaning(name, wanted["versions"][name])) for name in MEANING if "versions" in wanted

@@ -1,5 +1,5 @@
-"""Check a folder of shipped files: names, checksums, versions, and that models predict the shipped
-maps.
+"""Check a folder of shipped files: names, checksums, versions, and that the models reproduce the
+shipped maps.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Check:
     name : str
         What was checked.
     problem : str
-        What is wrong; "" where nothing is.
+        What is wrong; "" if nothing is.
     """
 
     name: str
@@ -58,12 +58,12 @@ class Check:
 
 
 def verify(folder: Path = ARTIFACTS) -> Iterator[Check]:
-    """Check a folder of shipped files, one answer after the other.
+    """Check a folder of shipped files; yield each check when it is done.
 
-    Names and checksums; map, lines, scores and predicted maps readable and of one another;
-    versions, design, map and code of each model, before it is opened; that models predict what was
-    noted with them and the shipped maps, that intervals cover as many cells as their table says,
-    and that the scores are those of the shipped maps.
+    Names and checksums match the manifest. Map, lines, scores and predicted maps can be read and
+    belong together. Versions, design, map and code of each model match, before it is opened. Models
+    reproduce their noted predictions and the shipped maps, intervals cover as many cells as their
+    table says, and the scores are those of the shipped maps.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def _check_maps(m: StabilityMap, folder: Path) -> None:
 def _check_scores(m: StabilityMap, folder: Path) -> None:
     scores = load_reference_scores(folder).set_index(["model", "divisor", "seed"])
     if not scores.index.is_unique or not np.isfinite(scores["rmse_held_out"]).all():
-        raise ArtifactError("there are double rows, or errors that are no numbers")
+        raise ArtifactError("it has duplicate rows, or errors that are not numbers")
     for kind in MODELS.values():
         for divisor in DIVISORS:
             if (kind.name, divisor, SEED) not in scores.index:
@@ -173,8 +173,7 @@ def _check_scores(m: StabilityMap, folder: Path) -> None:
                 if abs(float(row[column]) - value) > TOLERANCE:
                     raise ArtifactError(
                         f"{kind.name} n/{divisor}: {column} is {row[column]:.6g} in the table and "
-                        f"{value:.6g} "
-                        "for the shipped map; `spab train --all` makes both again"
+                        f"{value:.6g} for the shipped map; `spab train --all` makes both again"
                     )
 
 
@@ -187,8 +186,7 @@ def _check_model(m: StabilityMap, name: str, noted: object, folder: Path) -> Non
     if kind is None or not isinstance(divisor, int) or name != model_file(kind, divisor):
         raise ArtifactError(
             "the manifest does not say what it was made from: it is never opened; `spab train "
-            "--all` makes the "
-            "models again, `git clean` removes what is not of the repository"
+            "--all` makes the models again, `git clean` removes what is not of the repository"
         )
     predicted = predict_with(m, load_shipped_model(m, kind, divisor, SEED, folder), divisor)
     shipped = load_shipped_map(m, kind, divisor, SEED, folder)

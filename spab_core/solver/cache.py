@@ -35,6 +35,7 @@ _ANSWERS = (
     "trajectory/regimes",
     "trajectory/run",
     "trajectory/settings",
+    "trajectory/shooting",
 )  # what else an operating point depends on
 
 

@@ -16,16 +16,34 @@ import numpy as np
 from numba import njit
 
 from spab_core.solver.film import Film, film_size
+from spab_core.solver.ring import width
 from spab_core.solver.rotor import CENTRE
-from spab_core.solver.row_ops import apply, following, opposite, preceding, span, turned
-from spab_core.solver.simd import WIDTH, aligned_zeros, inner, kernel, splat, vload, vstore, vsum
-from spab_core.solver.slope import error_norm
+from spab_core.solver.simd import (
+    WIDTH,
+    aligned_zeros,
+    at,
+    inner,
+    kernel,
+    load,
+    splat,
+    store,
+    total,
+    turn,
+)
+from spab_core.solver.slope import across, displace, diverge, error_norm
 
 DTM_ORDER = 6
 _K = DTM_ORDER + 1
 # rows of the series, one for each order: gas S, pressure P, Q = P² - 1, its gradient across the
-# band, H³ at the flux nodes and at the faces around, flux across; then the same for the tangent
-_S, _P, _Q, _GRADIENT, _CUBE, _AROUND, _FLUX, _ROWS = 0, 1, 2, 3, 4, 5, 6, 7
+# band and around, the journal's reach towards the azimuths and faces (Work.reach), H, H² and H³ at
+# the flux nodes and at the faces, flux across and around; then the same for the tangent
+_S, _P, _Q, _ACROSS, _AROUND, _REACH, _GAP, _GAP_FACE, _FLUX, _FACE = (
+    _K * row for row in (0, 1, 2, 3, 4, 5, 6, 9, 12, 13)
+)
+_SQUARE, _CUBE = _K, 2 * _K  # beyond H
+_TANGENT = 14 * _K
+# any eight numbers of a state
+_EIGHT = (0,)
 
 # columns of the contact's series: e², e, f, A = f/e, m = x·v, B = damping f m / e², x and y of the
 # force, 1/e, A/e
@@ -33,8 +51,8 @@ _E2, _E, _NORMAL, _SPRING, _RADIAL, _DAMPING, _FX, _FY, _INVERSE, _PER_E2 = rang
 
 
 def build_series(film: Film) -> np.ndarray:
-    """Memory for the transforms, shape (2 * 7 * (order + 1), size of the film)."""
-    size, rows = film_size(film), 2 * _ROWS * _K
+    """Memory for the transforms, shape (2 * 14 * (order + 1), size of the film)."""
+    size, rows = film_size(film), 2 * _TANGENT
     return aligned_zeros(rows * size).reshape(rows, size)
 
 
@@ -143,137 +161,142 @@ def _contact_series(rotor, r, d, k, c, dual):
 
 
 @inner
-def _gap_order(cosine, g, k, j):
-    """Order k of H = 1 - cosine g in row j."""
-    h = -cosine * g[k, j]
-    return 1.0 + h if k == 0 else h
-
-
-@kernel
-def _pressure_order(film, z, g, k, dual):
-    """Order k of P = S/H, of Q = P² and of its gradient; returns its share of the force, (fx, fy,
-    dfx, dfy).
-    """
-    width = 2 * span(film.row)
-    tangent = _ROWS * _K
-    fx, fy, dfx, dfy = splat(0.0), splat(0.0), splat(0.0), splat(0.0)
-    for j in range(film.rows):
-        for i in range(0, width, WIDTH):
-            o = j * width + i
-            node = vload(film.node, i)
-            inverse = 1.0 / (1.0 - node * g[0, j])
-            p = vload(z[_S * _K + k], o)
-            for l in range(1, k + 1):
-                p = p + node * g[l, j] * vload(z[_P * _K + k - l], o)
-            p = p * inverse
-            vstore(z[_P * _K + k], o, p)
-            q = splat(-1.0 if k == 0 else 0.0)
-            for l in range(k + 1):
-                q = q + vload(z[_P * _K + l], o) * vload(z[_P * _K + k - l], o)
-            vstore(z[_Q * _K + k], o, q)
-            weight = vload(film.weight, i)
-            excess = weight * (p - 1.0) if k == 0 else weight * p
-            fx, fy = fx - excess * film.cos[j], fy - excess * film.sin[j]
-            if dual:
-                dp = vload(z[tangent + _S * _K + k], o)
-                for l in range(1, k + 1):
-                    dp = dp + node * g[l, j] * vload(z[tangent + _P * _K + k - l], o)
-                for l in range(k + 1):
-                    dp = dp + node * g[_K + l, j] * vload(z[_P * _K + k - l], o)
-                dp = dp * inverse
-                vstore(z[tangent + _P * _K + k], o, dp)
-                dq = splat(0.0)
-                for l in range(k + 1):
-                    dq = dq + vload(z[_P * _K + l], o) * vload(z[tangent + _P * _K + k - l], o)
-                vstore(z[tangent + _Q * _K + k], o, dq + dq)
-                dexcess = weight * dp
-                dfx, dfy = dfx - dexcess * film.cos[j], dfy - dexcess * film.sin[j]
-        for part in range(2 if dual else 1):
-            t = part * tangent
-            for i in range(0, width, WIDTH):
-                vstore(
-                    z[t + _GRADIENT * _K + k],
-                    j * width + i,
-                    apply(film.gradient, 0, z[t + _Q * _K + k], j * width, i, film.row),
-                )
-    return vsum(fx), vsum(fy), vsum(dfx), vsum(dfy)
-
-
-@kernel
-def _cube_order(film, z, cosine, g, row, k, dual):
-    """Order k of H³ at one kind of place, H = 1 - cosine g linear in the journal's position."""
-    width = 2 * span(film.row)
-    tangent = _ROWS * _K
-    for j in range(film.rows):
-        for i in range(0, width, WIDTH):
-            o = j * width + i
-            c = vload(cosine, i)
-            total, dtotal = splat(0.0), splat(0.0)
-            for l in range(k + 1):
-                square, dsquare = splat(0.0), splat(0.0)
-                for m in range(l + 1):
-                    a, b = _gap_order(c, g, m, j), _gap_order(c, g, l - m, j)
-                    square = square + a * b
-                    dsquare = dsquare - 2.0 * (a * (c * g[_K + l - m, j]))
-                h = _gap_order(c, g, k - l, j)
-                total = total + square * h
-                dtotal = dtotal + dsquare * h - square * (c * g[_K + k - l, j])
-            vstore(z[row * _K + k], o, total)
-            if dual:
-                vstore(z[tangent + row * _K + k], o, dtotal)
+def _cauchy(z, a, b, k, o, ring):
+    """Order k of the product of the series at rows a and b, for the latitude at o."""
+    value = load(z[a], o, ring) * load(z[b + k], o, ring)
+    for l in range(1, k + 1):
+        value = value + load(z[a + l], o, ring) * load(z[b + k - l], o, ring)
+    return value
 
 
 @inner
-def _east_order(film, z, k, part, j, i):
-    """Order k of H³ times the difference of Q at the faces east of row j; ``part`` 1: its
-    derivative.
+def _cauchy_tangent(z, a, b, k, o, ring):
+    """The derivative of :func:`_cauchy`."""
+    return _cauchy(z, a, _TANGENT + b, k, o, ring) + _cauchy(z, _TANGENT + a, b, k, o, ring)
+
+
+@inner
+def _carried(z, reach, pressure, first, k, o, ring):
+    """Sum of the reach's orders ``first`` to k times those of the pressure that make order k."""
+    value = splat(0.0, ring)
+    for l in range(first, k + 1):
+        value = value + load(z[reach + l], 0, ring) * load(z[pressure + k - l], o, ring)
+    return value
+
+
+@kernel
+def _pressure_order(film, z, k, dual):
+    """Order k of P = S/H, of Q = P² - 1 and of its gradients; returns its share of the force, (fx,
+    fy, dfx, dfy).
     """
-    t, rows, half = _ROWS * _K, film.rows, span(film.row)
-    o = j * 2 * half + i
-    total = splat(0.0)
-    for l in range(k + 1):
-        q, h = z[part * t + _Q * _K + k - l], vload(z[_AROUND * _K + l], o)
-        total = total + h * (following(q, j, i, rows, film.row) - vload(q, o))
-        if part == 1:
-            q, dh = z[_Q * _K + k - l], vload(z[t + _AROUND * _K + l], o)
-            total = total + dh * (following(q, j, i, rows, film.row) - vload(q, o))
-    return total
+    n, m, ring = width(film.ring), film.latitudes, film.ring
+    push, dpush = splat(0.0, ring), splat(0.0, ring)
+    unit = 1.0 if k == 0 else 0.0
+    for row in range(m):
+        o, node, weight = row * n, at(film.node, row), at(film.weight, row)
+        inverse = 1.0 / (1.0 - node * load(z[_REACH], 0, ring))
+        p = load(z[_S + k], o, ring) + node * _carried(z, _REACH, _P, 1, k, o, ring)
+        store(z[_P + k], o, p * inverse)
+        store(z[_Q + k], o, _cauchy(z, _P, _P, k, o, ring) - unit)
+        push = push + weight * (p * inverse - unit)
+        if dual:
+            dp = load(z[_TANGENT + _S + k], o, ring)
+            dp = dp + node * _carried(z, _REACH, _TANGENT + _P, 1, k, o, ring)
+            dp = dp + node * _carried(z, _TANGENT + _REACH, _P, 0, k, o, ring)
+            store(z[_TANGENT + _P + k], o, dp * inverse)
+            store(z[_TANGENT + _Q + k], o, 2.0 * _cauchy(z, _P, _TANGENT + _P, k, o, ring))
+            dpush = dpush + weight * (dp * inverse)
+    for part in range(2 if dual else 1):
+        t = part * _TANGENT
+        for row in range(m):
+            q = z[t + _Q + k]
+            store(z[t + _ACROSS + k], row * n, across(film, film.gradient, row, q))
+            store(z[t + _AROUND + k], row * n, turn(film.to_face, load(q, row * n, ring)))
+    c, s = load(film.cos, 0, ring), load(film.sin, 0, ring)
+    return -total(push * c), -total(push * s), -total(dpush * c), -total(dpush * s)
+
+
+@kernel
+def _cube_order(film, z, cosine, place, gap, k, dual):
+    """Order k of H, H² and H³ at the flux nodes or at the faces, whose reach is at ``place``."""
+    n, ring = width(film.ring), film.ring
+    square, cube = gap + _SQUARE, gap + _CUBE
+    unit = 1.0 if k == 0 else 0.0
+    for row in range(film.latitudes):
+        o, c = row * n, at(cosine, row)
+        store(z[gap + k], o, unit - c * load(z[_REACH + k], place, ring))
+        store(z[square + k], o, _cauchy(z, gap, gap, k, o, ring))
+        store(z[cube + k], o, _cauchy(z, gap, square, k, o, ring))
+        if dual:
+            store(z[_TANGENT + gap + k], o, (-c) * load(z[_TANGENT + _REACH + k], place, ring))
+            store(z[_TANGENT + square + k], o, _cauchy_tangent(z, gap, gap, k, o, ring))
+            store(z[_TANGENT + cube + k], o, _cauchy_tangent(z, gap, square, k, o, ring))
 
 
 @kernel
 def _gas_order(film, z, k, part):
     """Order k + 1 of S from the fluxes of order k; ``part`` 0 the state, 1 the tangent."""
-    rows, half = film.rows, span(film.row)
-    width, t = 2 * half, part * _ROWS * _K
-    flux, s = z[t + _FLUX * _K + k], z[t + _S * _K + k]
-    for j in range(rows):
-        for i in range(0, width, WIDTH):
-            o = j * width + i
-            total = splat(0.0)
-            for l in range(k + 1):
-                total = total + vload(z[_CUBE * _K + l], o) * vload(
-                    z[t + _GRADIENT * _K + k - l], o
-                )
-                if part == 1:
-                    total = total + vload(z[t + _CUBE * _K + l], o) * vload(
-                        z[_GRADIENT * _K + k - l], o
-                    )
-            vstore(flux, o, total)
+    n, m, ring = width(film.ring), film.latitudes, film.ring
+    t, cube, cube_face = part * _TANGENT, _GAP + _CUBE, _GAP_FACE + _CUBE
+    flux, face, q, s = z[t + _FLUX + k], z[t + _FACE + k], z[t + _Q + k], z[t + _S + k]
+    for row in range(m):
+        o, scale = row * n, at(film.around, row)
+        if part == 0:
+            store(flux, o, _cauchy(z, cube, _ACROSS, k, o, ring))
+            store(face, o, scale * _cauchy(z, cube_face, _AROUND, k, o, ring))
+        else:
+            store(flux, o, _cauchy_tangent(z, cube, _ACROSS, k, o, ring))
+            store(face, o, scale * _cauchy_tangent(z, cube_face, _AROUND, k, o, ring))
     supply = film.supply - 1.0 if k == 0 and part == 0 else 0.0
-    for i in range(0, width, WIDTH):
-        west = turned(_east_order(film, z, k, part, rows - 1, opposite(i, film.row)), film.row)
-        for j in range(rows):
-            o = j * width + i
-            east = _east_order(film, z, k, part, j, i)
-            total = apply(film.divergence, 0, flux, j * width, i, film.row) + vload(
-                film.flux_around, i
-            ) * (east - west)
-            total = total + vload(film.feed, i) * (supply - vload(z[t + _Q * _K + k], o))
-            total = total - vload(film.couette, i) * (
-                following(s, j, i, rows, film.row) - preceding(s, j, i, rows, film.row)
-            )
-            vstore(z[t + _S * _K + k + 1], o, total * (1.0 / (k + 1)))
-            west = east
+    for row in range(m):
+        o = row * n
+        gain = diverge(film, flux, face, row) + film.feed * (supply - load(q, o, ring))
+        gain = gain + turn(film.couette, load(s, o, ring))
+        store(z[t + _S + k + 1], o, gain * (1.0 / (k + 1)))
+
+
+@inner
+def _rotor_order(rotor, order, k, fx, fy, ramp, ramp_rate, wave):
+    """Order k + 1 of the rotor's state from film and contact forces of order k.
+
+    ``wave`` holds order k of cos and sin of tau and the orders before, for the load; zero for the
+    tangent, which no load drives."""
+    dx, dy = order[k, 2] - order[k, 0], order[k, 3] - order[k, 1]
+    cos_load = ramp * wave[0] + ramp_rate * wave[2]
+    sin_load = ramp * wave[1] + ramp_rate * wave[3]
+    down = ramp if k == 0 else (ramp_rate if k == 1 else 0.0)
+    share = 1.0 / (k + 1)
+    for i in range(4):
+        order[k + 1, i] = share * order[k, 4 + i]
+    order[k + 1, 4] = share * (
+        rotor.coupling_journal * dx + rotor.inverse_mass * fx + rotor.unbalance_journal * cos_load
+    )
+    order[k + 1, 5] = share * (
+        rotor.coupling_journal * dy
+        + rotor.inverse_mass * fy
+        + rotor.unbalance_journal * sin_load
+        - down * rotor.gravity_journal
+    )
+    order[k + 1, 6] = share * (-rotor.coupling_disc * dx + rotor.unbalance_disc * cos_load)
+    order[k + 1, 7] = share * (
+        -rotor.coupling_disc * dy + rotor.unbalance_disc * sin_load - down * rotor.gravity_disc
+    )
+
+
+@inner
+def _sum_series(z, first, rotor, h, out):
+    """Sum the series of gas and rotor a step ``h`` later into the state ``out``."""
+    n = out.size - 8
+    for i in range(0, n, WIDTH):
+        value = load(z[first + DTM_ORDER], i, _EIGHT)
+        for k in range(DTM_ORDER - 1, -1, -1):
+            value = value * h + load(z[first + k], i, _EIGHT)
+        store(out, i, value)
+    for i in range(8):
+        sum_ = 0.0
+        for k in range(DTM_ORDER, -1, -1):
+            sum_ = sum_ * h + rotor[k, i]
+        out[n + i] = sum_
 
 
 @njit(cache=True, nogil=True, error_model="numpy", _nrt=True)  # allocates its short series
@@ -282,99 +305,40 @@ def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
     ``rodas_step``.
     """
     film, rotor = system
-    n = film.rows * 2 * span(film.row)
+    n = film.latitudes * width(film.ring)
     if not u[n] * u[n] + u[n + 1] * u[n + 1] < 1.0:
         return math.inf
     new, new_v, last_term = stages.new, stages.new_tangent, stages.state[5]
-    tangent = _ROWS * _K
     rotor_u, rotor_v = np.zeros((_K + 1, 8)), np.zeros((_K + 1, 8))
     contact = np.zeros((2 * _K, 10))
-    shift, shift_face = np.zeros((2 * _K, film.rows)), np.zeros((2 * _K, film.rows))
-    for k in range(0, n, WIDTH):
-        vstore(series[_S * _K], k, vload(u, k))
-        vstore(series[tangent + _S * _K], k, vload(v, k))
-    for i in range(8):
-        rotor_u[0, i], rotor_v[0, i] = u[n + i], v[n + i]
+    series[_S], series[_TANGENT + _S] = u[:n], v[:n]
+    rotor_u[0], rotor_v[0] = u[n:], v[n:]
     ramp = min(t / rotor.ramp, 1.0) if rotor.ramp > 0.0 else 1.0
     ramp_rate = 1.0 / rotor.ramp if rotor.ramp > 0.0 and t < rotor.ramp else 0.0
-    cos_k, sin_k, cos_before, sin_before = (
-        math.cos(t),
-        math.sin(t),
-        0.0,
-        0.0,
-    )  # orders of cos and sin of tau
+    c, s, c_before, s_before = math.cos(t), math.sin(t), 0.0, 0.0  # orders of cos and sin of tau
     for k in range(DTM_ORDER):
-        for j in range(film.rows):
-            shift[k, j] = rotor_u[k, 0] * film.cos[j] + rotor_u[k, 1] * film.sin[j]
-            shift_face[k, j] = rotor_u[k, 0] * film.cos_face[j] + rotor_u[k, 1] * film.sin_face[j]
-            shift[_K + k, j] = rotor_v[k, 0] * film.cos[j] + rotor_v[k, 1] * film.sin[j]
-            shift_face[_K + k, j] = (
-                rotor_v[k, 0] * film.cos_face[j] + rotor_v[k, 1] * film.sin_face[j]
-            )
-        fx, fy, dfx, dfy = _pressure_order(film, series, shift, k, with_tangent)
-        _cube_order(film, series, film.flux_node, shift, _CUBE, k, with_tangent)
-        _cube_order(film, series, film.node, shift_face, _AROUND, k, with_tangent)
+        displace(film, rotor_u[k, 0], rotor_u[k, 1], series[_REACH + k])
+        displace(film, rotor_v[k, 0], rotor_v[k, 1], series[_TANGENT + _REACH + k])
+        fx, fy, dfx, dfy = _pressure_order(film, series, k, with_tangent)
+        _cube_order(film, series, film.flux_node, 0, _GAP, k, with_tangent)
+        _cube_order(film, series, film.node, film.columns, _GAP_FACE, k, with_tangent)
         _gas_order(film, series, k, 0)
+        _contact_series(rotor, rotor_u, rotor_v, k, contact, with_tangent)
+        fx, fy = fx + contact[k, _FX], fy + contact[k, _FY]
+        _rotor_order(rotor, rotor_u, k, fx, fy, ramp, ramp_rate, (c, s, c_before, s_before))
         if with_tangent:
             _gas_order(film, series, k, 1)
-        _contact_series(rotor, rotor_u, rotor_v, k, contact, with_tangent)
-        cos_load, sin_load = (
-            ramp * cos_k + ramp_rate * cos_before,
-            ramp * sin_k + ramp_rate * sin_before,
-        )
-        down = ramp if k == 0 else (ramp_rate if k == 1 else 0.0)
-        for part in range(2 if with_tangent else 1):
-            order = rotor_u if part == 0 else rotor_v
-            forced = 1.0 if part == 0 else 0.0
-            px, py = (fx, fy) if part == 0 else (dfx, dfy)
-            px, py = px + contact[part * _K + k, _FX], py + contact[part * _K + k, _FY]
-            dx, dy = order[k, 2] - order[k, 0], order[k, 3] - order[k, 1]
-            share = 1.0 / (k + 1)
-            for i in range(4):
-                order[k + 1, i] = share * order[k, 4 + i]
-            order[k + 1, 4] = share * (
-                rotor.coupling_journal * dx
-                + rotor.inverse_mass * px
-                + forced * rotor.unbalance_journal * cos_load
-            )
-            order[k + 1, 5] = share * (
-                rotor.coupling_journal * dy
-                + rotor.inverse_mass * py
-                + forced * (rotor.unbalance_journal * sin_load - down * rotor.gravity_journal)
-            )
-            order[k + 1, 6] = share * (
-                -rotor.coupling_disc * dx + forced * rotor.unbalance_disc * cos_load
-            )
-            order[k + 1, 7] = share * (
-                -rotor.coupling_disc * dy
-                + forced * (rotor.unbalance_disc * sin_load - down * rotor.gravity_disc)
-            )
-        cos_before, sin_before = cos_k, sin_k
-        cos_k, sin_k = -sin_before / (k + 1), cos_before / (k + 1)
+            dfx, dfy = dfx + contact[_K + k, _FX], dfy + contact[_K + k, _FY]
+            _rotor_order(rotor, rotor_v, k, dfx, dfy, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0))
+        c, s, c_before, s_before = -s / (k + 1), c / (k + 1), c, s
+    _sum_series(series, _S, rotor_u, h, new)
     power = h**DTM_ORDER
-    size, last_size = splat(0.0), splat(0.0)
-    for i in range(0, n, WIDTH):
-        total, dtotal = splat(0.0), splat(0.0)
-        for k in range(DTM_ORDER, -1, -1):
-            total = total * h + vload(series[_S * _K + k], i)
-            dtotal = dtotal * h + vload(series[tangent + _S * _K + k], i)
-        vstore(new, i, total)
-        vstore(new_v, i, dtotal)
-        vstore(last_term, i, vload(series[_S * _K + DTM_ORDER], i) * power)
-        dlast = vload(series[tangent + _S * _K + DTM_ORDER], i) * power
-        size, last_size = size + dtotal * dtotal, last_size + dlast * dlast
-    tangent_size, tangent_last = vsum(size), vsum(last_size)
-    for i in range(8):
-        total = dtotal = 0.0
-        for k in range(DTM_ORDER, -1, -1):
-            total, dtotal = total * h + rotor_u[k, i], dtotal * h + rotor_v[k, i]
-        new[n + i], new_v[n + i], last_term[n + i] = total, dtotal, rotor_u[DTM_ORDER, i] * power
-        tangent_size, tangent_last = (
-            tangent_size + dtotal * dtotal,
-            tangent_last + (rotor_v[DTM_ORDER, i] * power) ** 2,
-        )
+    last_term[:n], last_term[n:] = series[_S + DTM_ORDER] * power, rotor_u[DTM_ORDER] * power
     error = error_norm(system, work, new, last_term)
     # an explicit step too long for stiffness shows in the tangent long before it shows in the state
     if with_tangent:
-        error = max(error, math.sqrt(tangent_last / tangent_size))
+        _sum_series(series, _TANGENT + _S, rotor_v, h, new_v)
+        gas, rest = series[_TANGENT + _S + DTM_ORDER], rotor_v[DTM_ORDER]
+        last = power * math.sqrt((gas * gas).sum() + (rest * rest).sum())
+        error = max(error, last / math.sqrt((new_v * new_v).sum()))
     return error

@@ -1,4 +1,4 @@
-"""The gas film: polynomials in latitude times a ring of columns, and the semi-discrete Reynolds
+"""The gas film: polynomials in latitude times Fourier series around, and the semi-discrete Reynolds
 equation (docs/model.md).
 
 Unknown: S = P H, the gas content, at M latitudes of the half band times N azimuths, so that
@@ -9,9 +9,10 @@ Unknown: S = P H, the gas content, at M latitudes of the half band times N azimu
 with P = S/H, Q = P². Across the band Q - 1 is an even polynomial that vanishes at the open edge,
 through its values at the positive Gauss points; the flux is an odd polynomial through its values at
 the positive Gauss-Lobatto points, whose exact derivative is taken at the Gauss points (a staggered
-pair as in Kopriva and Kolias, J. Comput. Phys. 125, 1996). Gauss's rule integrates that derivative
-exactly, so that gas is conserved to rounding. Around, fluxes are central and second order, and in
-the default scheme differences are exact for the first harmonic, which carries the force.
+pair as in Kopriva and Kolias, J. Comput. Phys. 125, 1996). Around, Q and S are trigonometric
+polynomials through their values at N equidistant azimuths; the flux is taken half a spacing further,
+at the faces, and differentiated back to the azimuths. Gauss's rule integrates the derivative across
+exactly, and the sum of a derivative around is zero, so that gas is conserved to rounding.
 :func:`film_slope` is the readable formula; :mod:`spab_core.solver.slope` computes the same, fast.
 """
 
@@ -26,32 +27,47 @@ from numpy.polynomial import legendre
 
 from spab_core.common.errors import DesignError
 from spab_core.design.model import Design
-from spab_core.solver.row_ops import span
-from spab_core.solver.simd import HALF, WIDTH, aligned_zeros
+from spab_core.solver.simd import WIDTH, aligned_zeros, circulant
 
 
 class Mesh(NamedTuple):
-    """Nodes of the half band: ``latitude`` M from the equator to the edge, ``azimuth`` N around
-    (even).
+    """Nodes of the half band: ``latitude`` M from the equator to the edge, ``azimuth`` N around (a
+    multiple of eight). :data:`AUTO` leaves them to :func:`suitable_mesh`.
     """
 
     latitude: int
     azimuth: int
 
     def __str__(self) -> str:
-        return f"{self.latitude}x{self.azimuth}"
+        return f"{self.latitude}x{self.azimuth}" if self.latitude else "auto"
 
 
-DEFAULT_MESH = Mesh(4, 48)
-SCHEMES = ("fitted", "plain")
-MESH_LIMITS = ((2, 16), (8, 256))
+AUTO = Mesh(0, 0)
+# azimuths, usually and at eccentricities that ask for more
+AZIMUTHS, MORE_AZIMUTHS = 16, 24
+MESH_LIMITS = ((2, 16), (8, 64))
+
+
+def suitable_mesh(design: Design, azimuths: int = AZIMUTHS) -> Mesh:
+    """Return a mesh that resolves a design's film (docs/numerics.md, benchmarks/mesh.py).
+
+    A supply makes a layer at the open edge, thinner the more the wall passes; a wide band of a
+    sphere has latitudes near the pole, where the film hardly changes.
+    """
+    bearing = design.bearing
+    latitudes = 3 + (bearing.edge_latitude > 40.0) + (bearing.edge_latitude > 60.0)
+    if bearing.supply_pressure_ratio != 1.0:
+        latitudes += 1 + (design.feeding_number > 2.0)
+    return Mesh(latitudes, azimuths)
 
 
 def parse_mesh(text: str) -> Mesh:
-    """Read "4x48".
+    """Read "3x16", or "auto".
 
-    Raises :class:`DesignError` for anything but a whole number and an even one in range.
+    Raises :class:`DesignError` for anything but a whole number and a multiple of eight in range.
     """
+    if str(text).lower() == str(AUTO):
+        return AUTO
     (m_low, m_high), (n_low, n_high) = MESH_LIMITS
     parts = str(text).lower().split("x")
     if len(parts) == 2 and all(p.isascii() and p.isdigit() and len(p) < 6 for p in parts):
@@ -59,59 +75,56 @@ def parse_mesh(text: str) -> Mesh:
         if (
             m_low <= mesh.latitude <= m_high
             and n_low <= mesh.azimuth <= n_high
-            and mesh.azimuth % 2 == 0
+            and mesh.azimuth % WIDTH == 0
         ):
             return mesh
     raise DesignError(
         f"mesh = {str(text)[:40]!r} is not allowed: give latitudes x azimuths of the half band, "
-        "such as "
-        f"4x48, from {m_low}x{n_low} to {m_high}x{n_high}, the azimuths even"
+        f"such as 3x16, from {m_low}x{n_low} to {m_high}x{n_high}, the azimuths a multiple of "
+        f"{WIDTH}; or auto"
     )
 
 
 class Film(NamedTuple):
     """Everything the film kernels need, at one bearing number.
 
-    A row of the state holds two opposite columns, r and r + N/2, each padded to four or a multiple
-    of eight latitudes; a padded place keeps S = 1 and touches nothing. Opposite columns have
-    opposite cosines, so vectors over a row hold the negative in their second half wherever a
-    formula multiplies by cos(theta) or sin(theta) of the column.
+    The film's part of a state holds S by latitudes, N azimuths each. Matrices over azimuths are
+    stored by columns, those over latitudes by rows.
 
     Attributes
     ----------
     latitudes, columns : int
         M and N.
-    row : tuple
-        () where a row fills one register, else (half,): its type tells the compiler which case to
-        compile.
-    rows : int
-        N/2.
-    node, flux_node : ndarray, (2 half,)
-        cos(latitude) at the Gauss points and at the flux points; signed.
-    gradient : ndarray, (half * 2 half,)
+    ring : tuple
+        N/8 zeros: its type tells the compiler how many registers hold a latitude.
+    node, flux_node : ndarray, (M,)
+        cos(latitude) at the Gauss points and at the flux points.
+    gradient : ndarray, (M * M,)
         1/(2 Lambda) times 1/2 times cos(latitude) d_l of a polynomial, at the flux points, from Q -
-        1 at the Gauss points; by columns.
-    divergence : ndarray, (half * 2 half,)
+        1 at the Gauss points.
+    divergence : ndarray, (M * M,)
         (1/cos l) d_l of the flux polynomial at the Gauss points, from its values at the flux
-        points; by columns.
-    across : ndarray, (4 * half * 2 half,)
+        points.
+    across : ndarray, (4 * M * M,)
         divergence diag((1 - flux_node g)³) gradient as a cubic in g: its four coefficients.
-    flux_around : ndarray, (2 half,)
-        The same scale times the geometry of a face between columns: multiply with H³ and the
-        difference of Q.
-    couette, feed : ndarray, (2 half,)
-        Half the azimuthal difference quotient's factor, and beta/(2 Lambda).
-    weight : ndarray, (2 half,)
+    around : ndarray, (M,)
+        1/(2 Lambda) times 1/2 over cos²(latitude): times H³ and the derivative around of Q it is
+        the flux through a face.
+    to_face, from_face, couette : ndarray
+        Derivative around at the faces, from values at the azimuths; and back; -1/2 times the one at
+        the azimuths: as :func:`spab_core.solver.simd.circulant` stores them.
+    harmonics : ndarray, (8 * N * N,)
+        Products from_face diag(f) to_face for f = 1, cos t, sin t, cos 2t, sin 2t, cos 3t, sin 3t,
+        of which H³ at the faces is a sum; then ``couette``, in full.
+    feed : float
+        beta/(2 Lambda).
+    weight : ndarray, (M,)
         2 dtheta times the weight of the integral of cos²: the node's share of the force, both
-        halves of the band; signed.
-    cos, sin, cos_face, sin_face : ndarray, (rows,)
-        of the azimuth at the first half's columns and half a column further.
+        halves of the band.
+    cos, sin, cos_face, sin_face : ndarray, (N,)
+        of the azimuths and of the faces, half a spacing further.
     supply : float
         P_s².
-    unit : ndarray, (half * 2 half,)
-        Unit vectors of both halves, by columns.
-    eye : ndarray, ((2 half)²,)
-        The unit matrix of a row.
     area : ndarray, (M,)
         Weight of the integral of cos(latitude) times dtheta: the node's area on the unit sphere,
         half band.
@@ -119,30 +132,25 @@ class Film(NamedTuple):
 
     latitudes: int
     columns: int
-    row: tuple[int, ...]
-    rows: int
+    ring: tuple[int, ...]
     node: np.ndarray
     flux_node: np.ndarray
     gradient: np.ndarray
     divergence: np.ndarray
     across: np.ndarray
-    flux_around: np.ndarray
+    around: np.ndarray
+    to_face: np.ndarray
+    from_face: np.ndarray
     couette: np.ndarray
-    feed: np.ndarray
+    harmonics: np.ndarray
+    feed: float
     weight: np.ndarray
     cos: np.ndarray
     sin: np.ndarray
     cos_face: np.ndarray
     sin_face: np.ndarray
     supply: float
-    unit: np.ndarray
-    eye: np.ndarray
     area: np.ndarray
-
-    @property
-    def padded_latitudes(self) -> int:
-        """Places for latitudes in a column of the state: M or more."""
-        return int(span(self.row))
 
 
 @functools.cache
@@ -192,9 +200,33 @@ def latitude_operators(
     return node, weight, flux_node, gradient, divergence
 
 
-def build_film(
-    design: Design, bearing_number: float, mesh: Mesh = DEFAULT_MESH, scheme: str = "fitted"
-) -> Film:
+def azimuth_derivative(count: int, shift: float) -> np.ndarray:
+    """Derivative of the trigonometric polynomial through values at equidistant azimuths (Trefethen,
+    Spectral Methods in MATLAB, ch. 3).
+
+    Parameters
+    ----------
+    count : int
+        N, even. The highest harmonic, N/2, is the cosine that the azimuths see.
+    shift : float
+        How much further than the azimuths the derivative is taken, in spacings.
+
+    Returns
+    -------
+    ndarray, (N, N)
+        Its columns sum to zero.
+    """
+    step = 2.0 * math.pi / count
+    # a difference of two azimuths is one of N angles: all columns hold the same N numbers
+    angle = step * (np.arange(count) + shift)
+    order = np.arange(1, count // 2 + 1)
+    weight = np.where(order < count // 2, 2.0, 1.0) * order / count
+    kernel = -(np.sin(np.outer(angle, order)) @ weight)
+    kernel -= kernel.mean()
+    return kernel[(np.arange(count)[:, None] - np.arange(count)) % count]
+
+
+def build_film(design: Design, bearing_number: float, mesh: Mesh = AUTO) -> Film:
     """Nodes and coefficients of the film at one bearing number.
 
     Parameters
@@ -203,127 +235,119 @@ def build_film(
     bearing_number : float
         Lambda > 0.
     mesh : Mesh
-    scheme : str
-        ``fitted``: differences around are exact for the first harmonic. ``plain``: central
-        differences. Both are second order; the Couette term of ``plain`` turns the film 0.6 % too
-        slowly at N = 32, which is enough to unlock a half-speed whirl.
 
     Returns
     -------
     Film
     """
-    m, n = mesh
-    half = HALF if m <= HALF else -(-m // WIDTH) * WIDTH
-    rows, width = n // 2, 2 * half
+    m, n = mesh if mesh != AUTO else suitable_mesh(design)
     edge, dt = math.radians(design.bearing.edge_latitude), 2.0 * math.pi / n
     s, weight, flux_s, gradient, divergence = latitude_operators(m)
     cosine, flux_cosine = np.cos(edge * s), np.cos(edge * flux_s)
     scale = 0.5 / (2.0 * bearing_number)
     gradient = scale * flux_cosine[:, None] * gradient / edge
     divergence = divergence / (edge * cosine[:, None])
-    if scheme == "fitted":
-        # sin(dt) for dt and 2 - 2 cos(dt) for dt² make cos(t) and sin(t) exact
-        step, step2 = math.sin(dt), 2.0 * (1.0 - math.cos(dt))
-    else:
-        step, step2 = dt, dt**2
-
-    def vector(values: np.ndarray | float, signed: bool = False) -> np.ndarray:
-        out = aligned_zeros(width)
-        out[:m] = values
-        out[half : half + m] = -np.asarray(values) if signed else values
-        return out
-
-    def matrix(values: np.ndarray, signed: bool = False) -> np.ndarray:
-        out = aligned_zeros(half * width)
-        columns = out.reshape(half, width)
-        columns[:m, :m] = values.T
-        columns[:m, half : half + m] = -values.T if signed else values.T
-        return out
-
-    across = aligned_zeros(4 * half * width)
-    for k, binomial in enumerate((1.0, -3.0, 3.0, -1.0)):
-        power = divergence @ (binomial * flux_cosine[:, None] ** k * gradient)
-        across[k * half * width : (k + 1) * half * width] = matrix(power, signed=k % 2 == 1)
-    unit, eye = aligned_zeros(half * width), aligned_zeros(width * width)
-    unit[:] = np.tile(np.eye(half), 2).ravel()
-    eye[:] = np.eye(width).ravel()
-    theta = np.arange(rows) * dt
+    to_face, from_face, couette, harmonics = _azimuth_operators(n)
+    across = [
+        divergence @ (binomial * flux_cosine[:, None] ** k * gradient)
+        for k, binomial in enumerate((1.0, -3.0, 3.0, -1.0))
+    ]
+    theta = np.arange(n) * dt
     return Film(
         latitudes=m,
         columns=n,
-        row=() if half == HALF else (half,),
-        rows=rows,
-        node=vector(cosine, signed=True),
-        flux_node=vector(flux_cosine, signed=True),
-        gradient=matrix(gradient),
-        divergence=matrix(divergence),
-        across=across,
-        flux_around=vector(scale / (cosine**2 * step2)),
-        couette=vector(0.25 / step),
-        feed=vector(design.feeding_number / (2.0 * bearing_number)),
-        weight=vector(2.0 * dt * edge * weight * cosine**2, signed=True),
-        cos=np.cos(theta),
-        sin=np.sin(theta),
-        cos_face=np.cos(theta + 0.5 * dt),
-        sin_face=np.sin(theta + 0.5 * dt),
+        ring=(0,) * (n // WIDTH),
+        node=cosine,
+        flux_node=flux_cosine,
+        gradient=gradient.ravel(),
+        divergence=divergence.ravel(),
+        across=np.array(across).ravel(),
+        around=scale / cosine**2,
+        to_face=to_face,
+        from_face=from_face,
+        couette=couette,
+        harmonics=harmonics,
+        feed=design.feeding_number / (2.0 * bearing_number),
+        weight=2.0 * dt * edge * weight * cosine**2,
+        cos=_aligned(np.cos(theta)),
+        sin=_aligned(np.sin(theta)),
+        cos_face=_aligned(np.cos(theta + 0.5 * dt)),
+        sin_face=_aligned(np.sin(theta + 0.5 * dt)),
         supply=design.bearing.supply_pressure_ratio**2,
-        unit=unit,
-        eye=eye,
         area=edge * weight * cosine * dt,
     )
 
 
+def _aligned(values: np.ndarray) -> np.ndarray:
+    """The values, flat, from the start of a cache line on; matrices by columns."""
+    out = aligned_zeros(values.size)
+    out[:] = values.T.ravel()
+    return out
+
+
+@functools.cache
+def _azimuth_operators(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """``to_face``, ``from_face``, ``couette`` and ``harmonics`` of a :class:`Film`."""
+    to_face, from_face = azimuth_derivative(count, 0.5), azimuth_derivative(count, -0.5)
+    face = 2.0 * math.pi / count * (np.arange(count) + 0.5)
+    waves = [np.ones(count), *(f(k * face) for k in (1, 2, 3) for f in (np.cos, np.sin))]
+    couette = -0.5 * azimuth_derivative(count, 0.0)
+    products = [from_face @ (wave[:, None] * to_face) for wave in waves] + [couette]
+    found = (
+        circulant(to_face),
+        circulant(from_face),
+        circulant(couette),
+        np.concatenate([_aligned(matrix) for matrix in products]),
+    )
+    for array in found:
+        array.flags.writeable = False  # they are shared
+    return found
+
+
 def film_size(film: Film) -> int:
-    """Number of film entries in the state vector, padding included."""
-    return film.rows * 2 * film.padded_latitudes
-
-
-def film_index(film: Film) -> np.ndarray:
-    """Positions in the state vector of S[azimuth, latitude], shape (N, M)."""
-    places = np.arange(film_size(film)).reshape(film.rows, 2, film.padded_latitudes)
-    return places.transpose(1, 0, 2).reshape(film.columns, film.padded_latitudes)[
-        :, : film.latitudes
-    ]
+    """Number of film entries in the state vector."""
+    return film.latitudes * film.columns
 
 
 def film_array(film: Film, state: np.ndarray) -> np.ndarray:
-    """The film part of a state vector as S[azimuth, latitude], without the padding.
+    """The film part of a state vector as S[latitude, azimuth], shape (M, N): a view."""
+    return state[: film_size(film)].reshape(film.latitudes, film.columns)
 
-    Shape (N, M).
+
+def on_azimuths(values: np.ndarray, latitudes: int, count: int) -> np.ndarray:
+    """Take a field over the film to more azimuths, by its trigonometric polynomial.
+
+    Parameters
+    ----------
+    values : ndarray, (M * N,)
+    latitudes : int
+        M.
+    count : int
+        Azimuths wanted, more than N.
+
+    Returns
+    -------
+    ndarray, (M * count,)
     """
-    return state[film_index(film)]
-
-
-def _geometry(film: Film) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """cos(latitude) at the nodes, and cosine and sine of the azimuth at the columns and at the
-    faces east of them.
-    """
-    cos, sin, cos_face, sin_face = (
-        np.concatenate([a, -a]) for a in (film.cos, film.sin, film.cos_face, film.sin_face)
-    )
-    return film.node[: film.latitudes], cos, sin, cos_face, sin_face
-
-
-def _small(film: Film, matrix: np.ndarray) -> np.ndarray:
-    """A matrix over latitudes without padding, (M, M)."""
-    return matrix.reshape(film.padded_latitudes, 2 * film.padded_latitudes)[
-        : film.latitudes, : film.latitudes
-    ].T
+    field = values.reshape(latitudes, -1)
+    n = field.shape[1]
+    waves = np.fft.rfft(field, axis=1)
+    waves[:, n // 2] *= 0.5  # the azimuths see the cosine of the highest harmonic alone
+    return (np.fft.irfft(waves, count, axis=1) * (count / n)).ravel()
 
 
 def thickness(film: Film, x: float, y: float) -> np.ndarray:
-    """Film thickness H = 1 - cos l (X cos t + Y sin t) at the nodes, over C. Shape (N, M)."""
-    node, cos, sin, _, _ = _geometry(film)
-    return 1.0 - np.outer(x * cos + y * sin, node)
+    """Film thickness H = 1 - cos l (X cos t + Y sin t) at the nodes, over C. Shape (M, N)."""
+    return 1.0 - np.outer(film.node, x * film.cos + y * film.sin)
 
 
 def film_fluxes(film: Film, s: np.ndarray, x: float, y: float) -> dict[str, np.ndarray]:
-    """The terms of dS/dtau, each of shape (N, M): the readable discrete Reynolds equation.
+    """The terms of dS/dtau, each of shape (M, N): the readable discrete Reynolds equation.
 
     Parameters
     ----------
     film : Film
-    s : ndarray, (N, M)
+    s : ndarray, (M, N)
         S = P H.
     x, y : float
         Journal centre over C.
@@ -332,37 +356,35 @@ def film_fluxes(film: Film, s: np.ndarray, x: float, y: float) -> dict[str, np.n
     -------
     dict
         ``latitude``, ``azimuth``, ``couette``, ``wall``, and ``edge``, (N,): gas that enters each
-        column through the open edge, per unit tau and azimuth.
+        azimuth through the open edge, per unit tau and azimuth.
     """
-    m = film.latitudes
-    node, cos, sin, cos_face, sin_face = _geometry(film)
+    m, n = film.latitudes, film.columns
     q = (s / thickness(film, x, y)) ** 2
-    gap = 1.0 - np.outer(x * cos + y * sin, film.flux_node[:m])
-    flux = gap**3 * ((q - 1.0) @ _small(film, film.gradient).T)
-    gap = 1.0 - np.outer(x * cos_face + y * sin_face, node)
-    east = film.flux_around[:m] * gap**3 * (np.roll(q, -1, axis=0) - q)
+    gap = 1.0 - np.outer(film.flux_node, x * film.cos + y * film.sin)
+    flux = gap**3 * (film.gradient.reshape(m, m) @ (q - 1.0))
+    gap = 1.0 - np.outer(film.node, x * film.cos_face + y * film.sin_face)
+    face = film.around[:, None] * gap**3 * (q @ azimuth_derivative(n, 0.5).T)
     return {
-        "latitude": flux @ _small(film, film.divergence).T,
-        "azimuth": east - np.roll(east, 1, axis=0),
-        "couette": -film.couette[:m] * (np.roll(s, -1, axis=0) - np.roll(s, 1, axis=0)),
-        "wall": film.feed[:m] * (film.supply - q),
-        "edge": flux[:, -1],
+        "latitude": film.divergence.reshape(m, m) @ flux,
+        "azimuth": face @ azimuth_derivative(n, -0.5).T,
+        "couette": -0.5 * s @ azimuth_derivative(n, 0.0).T,
+        "wall": film.feed * (film.supply - q),
+        "edge": flux[-1],
     }
 
 
 def film_slope(film: Film, s: np.ndarray, x: float, y: float) -> np.ndarray:
-    """dS/dtau of the semi-discrete Reynolds equation, shape (N, M). See :func:`film_fluxes`."""
+    """dS/dtau of the semi-discrete Reynolds equation, shape (M, N). See :func:`film_fluxes`."""
     flux = film_fluxes(film, s, x, y)
     return flux["latitude"] + flux["azimuth"] + flux["couette"] + flux["wall"]
 
 
 def film_force(film: Film, s: np.ndarray, x: float, y: float) -> tuple[float, float]:
     """Force of the whole band on the journal, (F_x, F_y) over p_a R²."""
-    _, cos, sin, _, _ = _geometry(film)
-    excess = ((s / thickness(film, x, y) - 1.0) * film.weight[: film.latitudes]).sum(axis=1)
-    return -float(excess @ cos), -float(excess @ sin)
+    excess = film.weight @ (s / thickness(film, x, y) - 1.0)
+    return -float(excess @ film.cos), -float(excess @ film.sin)
 
 
 def gas_content(film: Film, s: np.ndarray) -> float:
     """Gas in the half band: integral of P H over the unit sphere's surface."""
-    return float((s * film.area).sum())
+    return float(film.area @ s.sum(axis=1))

@@ -13,7 +13,7 @@ import numpy as np
 
 from spab_core.solver.curvature import add_curvature, prepare_curvature
 from spab_core.solver.linear_solve import linearise, solve
-from spab_core.solver.simd import WIDTH, aligned_zeros, inner, kernel, splat, vload, vstore, vsum
+from spab_core.solver.simd import WIDTH, aligned_zeros, inlined, inner, load, splat, store, total
 from spab_core.solver.slope import error_norm, slope, slope_tangent, time_slope
 
 DEFAULT_TOLERANCE = 1.5e-3
@@ -85,6 +85,10 @@ def build_stages(size: int) -> Stages:
     return Stages(rows[:6], rows[6:12], *rows[12:])
 
 
+# any eight numbers of a state
+EIGHT = (0,)
+
+
 @inner
 def _sum_of(scale, base, share, extra, stages, first, count, weights, out):
     """The sum of :func:`_weighted_sum` over ``count`` stages, a constant that lets the compiler
@@ -92,12 +96,12 @@ def _sum_of(scale, base, share, extra, stages, first, count, weights, out):
     """
     size = out.size
     for k in range(0, size, WIDTH):
-        total = vload(base, k) * scale
+        value = load(base, k, EIGHT) * scale
         if share != 0.0:
-            total = total + vload(extra, k) * share
+            value = value + load(extra, k, EIGHT) * share
         for j in range(count):
-            total = total + vload(stages, (first + j) * size + k) * weights[j]
-        vstore(out, k, total)
+            value = value + load(stages, (first + j) * size + k, EIGHT) * weights[j]
+        store(out, k, value)
 
 
 @inner
@@ -119,7 +123,7 @@ def _weighted_sum(scale, base, share, extra, stages, first, count, weights, out)
         _sum_of(scale, base, share, extra, stages, first, 5, weights, out)
 
 
-@kernel
+@inlined
 def rodas_step(system, work, stages, t, h, u, v, with_tangent):
     """One RODAS4 step of state ``u`` and tangent ``v``.
 
@@ -157,17 +161,17 @@ def rodas_step(system, work, stages, t, h, u, v, with_tangent):
             solve(system, work, stages.state[i] if part == 0 else stages.tangent[i])
     # the last stage is the embedded error estimate
     error, error_v = stages.state[5], stages.tangent[5]
-    size, wrong = splat(0.0), splat(0.0)
+    size, wrong = splat(0.0, EIGHT), splat(0.0, EIGHT)
     for k in range(0, new.size, WIDTH):
-        vstore(new, k, vload(new, k) + vload(error, k))
+        store(new, k, load(new, k, EIGHT) + load(error, k, EIGHT))
         if with_tangent:
-            part_v = vload(error_v, k)
-            total = vload(new_v, k) + part_v
-            vstore(new_v, k, total)
-            size, wrong = size + total * total, wrong + part_v * part_v
+            part_v = load(error_v, k, EIGHT)
+            whole_v = load(new_v, k, EIGHT) + part_v
+            store(new_v, k, whole_v)
+            size, wrong = size + whole_v * whole_v, wrong + part_v * part_v
     norm = error_norm(system, work, new, error)
     # a light, fast mode that the orbit does not excite must not be damped by long steps
     if with_tangent:
         worth = 0.6 * DEFAULT_TOLERANCE * (h / TANGENT_STEP) ** 4
-        norm = max(norm, min(math.sqrt(vsum(wrong) / vsum(size)) / TANGENT_SLACK, worth))
+        norm = max(norm, min(math.sqrt(total(wrong) / total(size)) / TANGENT_SLACK, worth))
     return norm

@@ -16,6 +16,9 @@ ROTOR_STATES = 8
 # the direction
 CENTRE = 0.1
 RAMP_REVOLUTIONS = 30.0
+# contact: the asperities carry more than this share of the load, weight and unbalance together; of
+# a load that is at least so much over p_a R², lest a weightless rotor rub on nothing
+CONTACT_SHARE, LEAST_LOAD = 0.1, 1e-3
 
 
 class RotorCoefficients(NamedTuple):
@@ -35,6 +38,9 @@ class RotorCoefficients(NamedTuple):
         f0, s, mu_f, d of the asperity law.
     ramp : float
         Load and unbalance rise linearly from zero over this much tau.
+    contact_eccentricity : float
+        From where on the asperities carry more than a tenth of the load
+        (:func:`contact_eccentricity`).
     """
 
     coupling_disc: float
@@ -49,6 +55,7 @@ class RotorCoefficients(NamedTuple):
     friction: float
     damping: float
     ramp: float
+    contact_eccentricity: float
 
     @property
     def rigid(self) -> bool:
@@ -107,7 +114,36 @@ def build_rotor(
         contact.friction,
         contact.damping,
         2.0 * math.pi * ramp_revolutions,
+        contact_eccentricity(design, rotor_mass, bearing_number),
     )
+
+
+def contact_eccentricity(design: Design, rotor_mass: float, bearing_number: float) -> float:
+    """Eccentricity from which on the rotor is in contact with the wall.
+
+    There the asperities' spring, f0 exp(-(1 - e)/s), carries :data:`CONTACT_SHARE` of the load: the
+    weight and the unbalance's rotating force, at least :data:`LEAST_LOAD` of p_a R².
+
+    Parameters
+    ----------
+    design : Design
+    rotor_mass : float
+        Whole mass on one bearing, kg.
+    bearing_number : float
+        Lambda.
+
+    Returns
+    -------
+    float
+        Over C; 1 where the asperities never carry so much.
+    """
+    contact = design.contact
+    mass = design.mass_number(rotor_mass, bearing_number)
+    unbalance = (1.0 - design.rotor.journal_mass_fraction) * mass * design.unbalance_number
+    least = CONTACT_SHARE * max(design.load_number(rotor_mass) + unbalance, LEAST_LOAD)
+    if contact.force_at_closure <= least:
+        return 1.0
+    return max(1.0 - contact.roughness * math.log(contact.force_at_closure / least), CENTRE)
 
 
 def contact_force(

@@ -1,9 +1,11 @@
-"""Eight doubles in one register: a numba scalar type for explicit SIMD.
+"""Numbers in groups of eight, a register each: numba types for explicit SIMD.
 
-LLVM's loop vectoriser gives up on the short, possibly aliasing loops of the film kernels (4
-latitudes of two columns in a register), so they name their vectors. Values of type ``f64x8``
-support ``+ - * /`` among themselves and with floats; memory is reached with :func:`vload` and
-:func:`vstore`. LLVM maps them to one AVX-512, two AVX2 or four SSE/NEON registers."""
+LLVM's loop vectoriser gives up on the short, possibly aliasing loops of the film kernels, so they
+name their vectors: a value of type ``Ring(R)`` is 8 R numbers, the azimuths of one latitude; one of
+``Ring(1)`` is any eight. Values support ``+ - * /`` among themselves and with floats. Which R is
+told by a tuple of R integers (:class:`spab_core.solver.film.Film`, ``ring``), so that it is a
+constant of the compiler's. LLVM maps eight doubles to one AVX-512, two AVX2 or four SSE/NEON
+registers."""
 
 import functools
 import operator
@@ -14,7 +16,7 @@ from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
-WIDTH, HALF = 8, 4
+WIDTH = 8
 
 # Kernels pass tuples of some fifty arrays to each other: counting references of each, atomically,
 # would cost as much as the arithmetic. They allocate nothing, so numba's runtime stays out; numpy's
@@ -25,25 +27,35 @@ inlined = functools.partial(kernel, forceinline=True)
 # only kernels call, left out
 inner = functools.partial(inlined, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 _VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
+# allows fused multiply-add; nothing that changes results between runs
+_CONTRACT = ("contract",)
 
 
-class _Vector8(types.Type):
-    def __init__(self):
-        super().__init__(name="f64x8")
+class Ring(types.Type):
+    """R times eight doubles."""
+
+    def __init__(self, registers):
+        self.registers = registers
+        super().__init__(name=f"Ring({registers})")
 
 
-f64x8 = _Vector8()
+@register_model(Ring)
+class _RingModel(models.PrimitiveModel):
+    def __init__(self, manager, kind):
+        super().__init__(manager, kind, ir.ArrayType(_VECTOR, kind.registers))
 
 
-@register_model(_Vector8)
-class _Vector8Model(models.PrimitiveModel):
-    def __init__(self, dmm, fe_type):
-        super().__init__(dmm, fe_type, _VECTOR)
+def _parts(builder, value):
+    """The registers of a value."""
+    return [builder.extract_value(value, k) for k in range(value.type.count)]
 
 
-def _pointer(context, builder, array_type, array, index):
-    data = context.make_array(array_type)(context, builder, array).data
-    return builder.bitcast(builder.gep(data, [index]), _VECTOR.as_pointer())
+def _whole(builder, parts):
+    """The value of these registers."""
+    value = ir.Constant(ir.ArrayType(_VECTOR, len(parts)), ir.Undefined)
+    for k, part in enumerate(parts):
+        value = builder.insert_value(value, part, k)
+    return value
 
 
 def _is_flat(array):
@@ -55,19 +67,23 @@ def _is_flat(array):
     )
 
 
-@intrinsic
-def vload(typingctx, array, index):
-    """Eight consecutive elements of a flat float64 array, from ``index`` on (unaligned, unchecked)."""
-    if not _is_flat(array) or not isinstance(index, types.Integer):
-        return None
+def _address(context, builder, signature, args, k):
+    """Where args[k + 1] points to in the array args[k]."""
+    data = context.make_array(signature.args[k])(context, builder, args[k]).data
+    index = context.cast(builder, args[k + 1], signature.args[k + 1], types.intp)
+    return builder.gep(data, [index])
 
-    def codegen(context, builder, signature, args):
-        position = context.cast(builder, args[1], signature.args[1], types.intp)
-        return builder.load(
-            _pointer(context, builder, signature.args[0], args[0], position), align=8
-        )
 
-    return f64x8(array, index), codegen
+def _further(builder, address, count):
+    """The eight numbers that lie ``count`` numbers further, as a register's place."""
+    if isinstance(count, int):
+        count = ir.Constant(ir.IntType(64), count)
+    return builder.bitcast(builder.gep(address, [count]), _VECTOR.as_pointer())
+
+
+def _load(builder, address, count):
+    """Load so many registers from consecutive places."""
+    return [builder.load(_further(builder, address, WIDTH * k), align=8) for k in range(count)]
 
 
 def _broadcast(builder, one):
@@ -79,69 +95,91 @@ def _shuffle(builder, a, b, lanes):
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), lanes))
 
 
-def _lane(builder, vector, k, span=WIDTH):
-    """Element k of each ``span`` places in all of them."""
-    lanes = [first + k for first in range(0, WIDTH, span) for _ in range(span)]
-    return _shuffle(builder, vector, ir.Constant(_VECTOR, ir.Undefined), lanes)
+def _lane(builder, vector, k):
+    """Element k in all places."""
+    return _shuffle(builder, vector, ir.Constant(_VECTOR, ir.Undefined), [k] * WIDTH)
+
+
+def _fused(builder, total, a, b):
+    """total + a b."""
+    return builder.fadd(total, builder.fmul(a, b, flags=_CONTRACT), flags=_CONTRACT)
 
 
 @intrinsic
-def spread(typingctx, array, index):
-    """One element of a flat float64 array in all eight places (unchecked: numba's own indexing
-    tests for negatives).
+def load(typingctx, array, index, ring):
+    """Consecutive elements of a flat float64 array, from ``index`` on, as many as ``ring`` tells
+    (unaligned, unchecked).
     """
-    if not _is_flat(array) or not isinstance(index, types.Integer):
+    if not _is_flat(array) or not isinstance(ring, types.BaseTuple):
         return None
 
     def codegen(context, builder, signature, args):
-        position = context.cast(builder, args[1], signature.args[1], types.intp)
-        data = context.make_array(signature.args[0])(context, builder, args[0]).data
-        return _broadcast(builder, builder.load(builder.gep(data, [position])))
+        address = _address(context, builder, signature, args, 0)
+        return _whole(builder, _load(builder, address, len(ring)))
 
-    return f64x8(array, index), codegen
+    return Ring(len(ring))(array, index, ring), codegen
 
 
 @intrinsic
-def vstore(typingctx, array, index, value):
-    """Write eight consecutive elements of a flat float64 array, from ``index`` on (unaligned,
-    unchecked).
-    """
-    if not _is_flat(array) or not isinstance(index, types.Integer) or value != f64x8:
+def store(typingctx, array, index, value):
+    """Write a value to a flat float64 array, from ``index`` on (unaligned, unchecked)."""
+    if not _is_flat(array) or not isinstance(value, Ring):
         return None
 
     def codegen(context, builder, signature, args):
-        position = context.cast(builder, args[1], signature.args[1], types.intp)
-        builder.store(
-            args[2], _pointer(context, builder, signature.args[0], args[0], position), align=8
-        )
+        address = _address(context, builder, signature, args, 0)
+        for k, part in enumerate(_parts(builder, args[2])):
+            builder.store(part, _further(builder, address, WIDTH * k), align=8)
         return context.get_dummy_value()
 
     return types.void(array, index, value), codegen
 
 
 @intrinsic
-def splat(typingctx, value):
-    """The same float in all eight places."""
-    if value != types.float64:
+def at(typingctx, array, index):
+    """One element of a flat float64 array (unchecked: numba's own indexing tests for negatives)."""
+    if not _is_flat(array):
         return None
 
     def codegen(context, builder, signature, args):
-        return _broadcast(builder, args[0])
+        return builder.load(_address(context, builder, signature, args, 0))
 
-    return f64x8(value), codegen
+    return types.float64(array, index), codegen
+
+
+@intrinsic
+def splat(typingctx, value, ring):
+    """The same float in all places."""
+    if value != types.float64 or not isinstance(ring, types.BaseTuple):
+        return None
+
+    def codegen(context, builder, signature, args):
+        return _whole(builder, [_broadcast(builder, args[0])] * len(ring))
+
+    return Ring(len(ring))(value, ring), codegen
 
 
 def _binary(name):
     @intrinsic
     def vector_op(typingctx, a, b):
-        if a != f64x8 or b != f64x8:
-            return None
+        kinds = [kind for kind in (a, b) if isinstance(kind, Ring)]
 
         def codegen(context, builder, signature, args):
-            # 'contract' allows fused multiply-add; nothing that changes results between runs
-            return getattr(builder, name)(args[0], args[1], flags=("contract",))
+            sides = [
+                _parts(builder, arg)
+                if isinstance(kind, Ring)
+                else [_broadcast(builder, arg)] * kinds[0].registers
+                for arg, kind in zip(args, signature.args, strict=True)
+            ]
+            return _whole(
+                builder,
+                [
+                    getattr(builder, name)(one, other, flags=_CONTRACT)
+                    for one, other in zip(*sides, strict=True)
+                ],
+            )
 
-        return f64x8(a, b), codegen
+        return kinds[0](a, b), codegen
 
     return vector_op
 
@@ -151,12 +189,10 @@ def _register(op, name):
 
     @overload(op)
     def vector_overload(a, b):
-        if a == f64x8 and b == f64x8:
+        if isinstance(a, Ring) and (a == b or b == types.float64):
             return lambda a, b: vector_op(a, b)
-        if a == f64x8 and b == types.float64:
-            return lambda a, b: vector_op(a, splat(b))
-        if a == types.float64 and b == f64x8:
-            return lambda a, b: vector_op(splat(a), b)
+        if a == types.float64 and isinstance(b, Ring):
+            return lambda a, b: vector_op(a, b)
         return None
 
 
@@ -169,150 +205,193 @@ for _op, _name in (
     _register(_op, _name)
 
 
-@overload(operator.neg)
-def _negate(a):
-    if a == f64x8:
-        return lambda a: splat(-1.0) * a
-    return None
-
-
-def _shuffled(lanes):
-    @intrinsic
-    def shuffled(typingctx, a, b):
-        if a != f64x8 or b != f64x8:
-            return None
-
-        def codegen(context, builder, signature, args):
-            return _shuffle(builder, args[0], args[1], lanes)
-
-        return f64x8(a, b), codegen
-
-    return shuffled
-
-
-both_halves = _shuffled(
-    [0, 1, 2, 3, 12, 13, 14, 15]
-)  # (a, b): the first half of a and the second of b
-swapped_halves = _shuffled([4, 5, 6, 7, 0, 1, 2, 3])  # (a, a): the halves of a exchanged
-
-
 @intrinsic
-def vmin(typingctx, a, b):
+def smaller(typingctx, a, b):
     """The smaller of each pair of elements."""
-    if a != f64x8 or b != f64x8:
+    if not isinstance(a, Ring) or a != b:
         return None
 
     def codegen(context, builder, signature, args):
-        return builder.select(builder.fcmp_ordered("<", args[0], args[1]), args[0], args[1])
+        pairs = zip(*(_parts(builder, arg) for arg in args), strict=True)
+        return _whole(
+            builder,
+            [builder.select(builder.fcmp_ordered("<", one, two), one, two) for one, two in pairs],
+        )
 
-    return f64x8(a, b), codegen
-
-
-def _inversion(span):
-    @intrinsic
-    def invert_two(typingctx, array, first, second):
-        if (
-            not _is_flat(array)
-            or not isinstance(first, types.Integer)
-            or not isinstance(second, types.Integer)
-        ):
-            return None
-
-        def codegen(context, builder, signature, args):
-            contract = ("contract",)
-            pointers, blocks = [], []
-            for position, kind in zip(args[1:], signature.args[1:], strict=True):
-                start = context.cast(builder, position, kind, types.intp)
-                pointers.append(
-                    [
-                        _pointer(
-                            context,
-                            builder,
-                            signature.args[0],
-                            args[0],
-                            builder.add(start, ir.Constant(start.type, WIDTH * i)),
-                        )
-                        for i in range(span)
-                    ]
-                )
-                blocks.append([builder.load(pointer, align=8) for pointer in pointers[-1]])
-            ones = ir.Constant(_VECTOR, [1.0] * WIDTH)
-            for k in range(span):
-                own = [i % span == k for i in range(WIDTH)]
-                unit = ir.Constant(_VECTOR, [float(here) for here in own])
-                for rows in blocks:
-                    pivot = _lane(builder, builder.fdiv(ones, rows[k]), k, span)
-                    at_pivot = _shuffle(
-                        builder, rows[k], ones, [i + WIDTH * here for i, here in enumerate(own)]
-                    )
-                    rows[k] = builder.fmul(at_pivot, pivot)
-                    # place k of the other rows must become - factor / pivot: one more in place k
-                    # takes the factor itself away
-                    used = builder.fadd(rows[k], unit)
-                    for i in [*range(k + 1, span), *range(k)]:  # the next pivot's row first
-                        scaled = builder.fmul(
-                            _lane(builder, rows[i], k, span), used, flags=contract
-                        )
-                        rows[i] = builder.fsub(rows[i], scaled, flags=contract)
-            for rows, places in zip(blocks, pointers, strict=True):
-                for row, place in zip(rows, places, strict=True):
-                    builder.store(row, place, align=8)
-            return context.get_dummy_value()
-
-        return types.void(array, first, second), codegen
-
-    return invert_two
-
-
-def _product(span):
-    @intrinsic
-    def times(typingctx, array, index, vector):
-        if not _is_flat(array) or not isinstance(index, types.Integer) or vector != f64x8:
-            return None
-
-        def codegen(context, builder, signature, args):
-            contract = ("contract",)
-            start = context.cast(builder, args[1], signature.args[1], types.intp)
-            totals = [None, None]  # two sums for latency
-            for k in range(span):
-                place = builder.add(start, ir.Constant(start.type, WIDTH * k))
-                column = builder.load(
-                    _pointer(context, builder, signature.args[0], args[0], place), align=8
-                )
-                product = builder.fmul(column, _lane(builder, args[2], k, span), flags=contract)
-                total = totals[k % 2]
-                totals[k % 2] = (
-                    product if total is None else builder.fadd(total, product, flags=contract)
-                )
-            return builder.fadd(*totals, flags=contract)
-
-        return f64x8(array, index, vector), codegen
-
-    return times
-
-
-# Blocks lie in a flat array by columns of eight. A block of "halves" is two 4 x 4 blocks side by
-# side: its column k holds column k of one in its first four places and of the other in its last.
-# invert(array, first, second): two of them in place, by Gauss-Jordan without pivoting, all in
-# registers; the arithmetic of one hides the latency of the other. ``first`` may equal ``second``.
-invert_blocks, invert_halves = _inversion(WIDTH), _inversion(HALF)
-# times(array, index, vector): the product with a vector, which stays in its register
-block_times, halves_times = _product(WIDTH), _product(HALF)
+    return a(a, b), codegen
 
 
 @intrinsic
-def vsum(typingctx, value):
-    """Sum of the eight elements, in a fixed order."""
-    if value != f64x8:
+def total(typingctx, value):
+    """Sum of the elements, in a fixed order."""
+    if not isinstance(value, Ring):
         return None
 
     def codegen(context, builder, signature, args):
-        total = builder.extract_element(args[0], cgutils.int32_t(0))
-        for k in range(1, WIDTH):
-            total = builder.fadd(total, builder.extract_element(args[0], cgutils.int32_t(k)))
-        return total
+        vector, *others = _parts(builder, args[0])
+        for other in others:
+            vector = builder.fadd(vector, other)
+        for half in (4, 2, 1):  # fold
+            lanes = [(k + half) % WIDTH for k in range(WIDTH)]
+            vector = builder.fadd(vector, _shuffle(builder, vector, vector, lanes))
+        return builder.extract_element(vector, cgutils.int32_t(0))
 
     return types.float64(value), codegen
+
+
+def _times(builder, address, parts):
+    """Registers of the matrix at an address, by columns, times the numbers in these."""
+    count = len(parts)
+    sums = [[None] * 2 for _ in parts]  # two each, for latency
+    for k in range(WIDTH * count):
+        factor = _lane(builder, parts[k // WIDTH], k % WIDTH)
+        for i in range(count):
+            place = _further(builder, address, WIDTH * (k * count + i))
+            column, before = builder.load(place, align=8), sums[i][k % 2]
+            sums[i][k % 2] = (
+                builder.fmul(column, factor, flags=_CONTRACT)
+                if before is None
+                else _fused(builder, before, column, factor)
+            )
+    return [builder.fadd(*both, flags=_CONTRACT) for both in sums]
+
+
+@intrinsic
+def product(typingctx, matrix, index, vector):
+    """The matrix at matrix[index:], by columns, times a vector, which stays in its registers."""
+    if not _is_flat(matrix) or not isinstance(vector, Ring):
+        return None
+
+    def codegen(context, builder, signature, args):
+        address = _address(context, builder, signature, args, 0)
+        return _whole(builder, _times(builder, address, _parts(builder, args[2])))
+
+    return vector(matrix, index, vector), codegen
+
+
+@intrinsic
+def turn(typingctx, matrix, vector):
+    """A circulant matrix, as :func:`circulant` stores it, times a vector."""
+    if not _is_flat(matrix) or not isinstance(vector, Ring):
+        return None
+
+    def codegen(context, builder, signature, args):
+        data = context.make_array(matrix)(context, builder, args[0]).data
+        parts = _parts(builder, args[1])
+        half = len(parts) // 2
+        if len(parts) % 2:
+            return _whole(builder, _times(builder, data, parts))
+        halves = list(zip(parts[:half], parts[half:], strict=True))
+        rest = builder.gep(data, [ir.Constant(ir.IntType(64), (WIDTH * half) ** 2)])
+        sums = _times(builder, data, [builder.fadd(*pair) for pair in halves])
+        rests = _times(builder, rest, [builder.fsub(*pair) for pair in halves])
+        pairs = list(zip(sums, rests, strict=True))
+        return _whole(
+            builder,
+            [builder.fadd(*pair) for pair in pairs] + [builder.fsub(*pair) for pair in pairs],
+        )
+
+    return vector(matrix, vector), codegen
+
+
+def circulant(matrix: np.ndarray) -> np.ndarray:
+    """Return a circulant matrix, shape (N, N), as :func:`turn` takes it, flat.
+
+    Opposite halves of a vector are a sum and a difference, which such a matrix does not mix: where
+    N is a multiple of sixteen half the products do."""
+    n = len(matrix)
+    parts = [matrix]
+    if n % (2 * WIDTH) == 0:
+        same, opposite = matrix[: n // 2, : n // 2], matrix[: n // 2, n // 2 :]
+        parts = [0.5 * (same + opposite), 0.5 * (same - opposite)]
+    out = aligned_zeros(sum(part.size for part in parts))
+    out[:] = np.concatenate([part.T.ravel() for part in parts])
+    return out
+
+
+def _columns(context, builder, signature, args, k, stride):
+    """Places of the eight columns of a block at args[k + 1] of the array args[k]."""
+    address = _address(context, builder, signature, args, k)
+    return [
+        _further(builder, address, builder.mul(stride, ir.Constant(stride.type, c)))
+        for c in range(WIDTH)
+    ]
+
+
+@intrinsic
+def invert_block(typingctx, array, index, stride):
+    """Invert a block of 8 x 8 in place, its columns ``stride`` apart, by Gauss-Jordan without
+    row exchanges, all in registers.
+    """
+    if not _is_flat(array):
+        return None
+
+    def codegen(context, builder, signature, args):
+        step = context.cast(builder, args[2], signature.args[2], types.intp)
+        places = _columns(context, builder, signature, args, 0, step)
+        columns = [builder.load(place, align=8) for place in places]
+        ones = ir.Constant(_VECTOR, [1.0] * WIDTH)
+        for k in range(0, WIDTH, 2):  # two pivots at a time: half as many divisions in a row
+            pair = columns[k : k + 2]
+            (a, c), (b, d) = ([_lane(builder, one, k + i) for i in (0, 1)] for one in pair)
+            less = builder.fmul(b, c, flags=_CONTRACT)
+            determinant = builder.fsub(builder.fmul(a, d, flags=_CONTRACT), less, flags=_CONTRACT)
+            share = builder.fdiv(ones, determinant)
+            units = [
+                ir.Constant(_VECTOR, [float(i == k + other) for i in range(WIDTH)])
+                for other in (0, 1)
+            ]
+            # the pivots' rows become those of the unit matrix
+            lanes = [i + WIDTH * (i in (k, k + 1)) for i in range(WIDTH)]
+            first, second = (
+                _shuffle(builder, one, unit, lanes) for one, unit in zip(pair, units, strict=True)
+            )
+            for other, (one, two) in enumerate(((d, c), (a, b))):
+                own, rest = (first, second) if other == 0 else (second, first)
+                value = builder.fsub(
+                    builder.fmul(own, one, flags=_CONTRACT),
+                    builder.fmul(rest, two, flags=_CONTRACT),
+                    flags=_CONTRACT,
+                )
+                columns[k + other] = builder.fmul(value, share)
+            # places k and k + 1 of the other columns must become what is taken from them: one more
+            # there takes the factors themselves away
+            used = [builder.fadd(columns[k + other], unit) for other, unit in enumerate(units)]
+            for i in [*range(k + 2, WIDTH), *range(k)]:  # the next pivots' columns first
+                factors = [_lane(builder, columns[i], k + other) for other in (0, 1)]
+                for factor, taken in zip(factors, used, strict=True):
+                    scaled = builder.fmul(factor, taken, flags=_CONTRACT)
+                    columns[i] = builder.fsub(columns[i], scaled, flags=_CONTRACT)
+        for column, place in zip(columns, places, strict=True):
+            builder.store(column, place, align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, index, stride), codegen
+
+
+@intrinsic(prefer_literal=True)
+def block_product(typingctx, keep, scale, a, ia, b, ib, c, ic, stride):
+    """c = keep c + scale a b for blocks of 8 x 8, whose columns are ``stride`` apart; ``keep`` is
+    the constant 0 or 1. c may be the place of a or b.
+    """
+    if not isinstance(keep, types.IntegerLiteral) or not isinstance(scale, types.IntegerLiteral):
+        return None
+
+    def codegen(context, builder, signature, args):
+        step = context.cast(builder, args[8], signature.args[8], types.intp)
+        places = [_columns(context, builder, signature, args, k, step) for k in (2, 4, 6)]
+        first, second = ([builder.load(place, align=8) for place in places[k]] for k in (0, 1))
+        if scale.literal_value < 0:
+            first = [builder.fneg(column) for column in first]
+        zero = ir.Constant(_VECTOR, [0.0] * WIDTH)
+        for column, place in zip(second, places[2], strict=True):
+            value = builder.load(place, align=8) if keep.literal_value else zero
+            for k in range(WIDTH):
+                value = _fused(builder, value, first[k], _lane(builder, column, k))
+            builder.store(value, place, align=8)
+        return context.get_dummy_value()
+
+    return types.void(keep, scale, a, ia, b, ib, c, ic, stride), codegen
 
 
 def aligned_zeros(n: int) -> np.ndarray:
@@ -325,23 +404,21 @@ def aligned_zeros(n: int) -> np.ndarray:
 
 
 __all__ = [
-    "HALF",
     "WIDTH",
+    "Ring",
     "aligned_zeros",
-    "block_times",
-    "both_halves",
-    "f64x8",
-    "halves_times",
+    "at",
+    "block_product",
+    "circulant",
     "inlined",
     "inner",
-    "invert_blocks",
-    "invert_halves",
+    "invert_block",
     "kernel",
+    "load",
+    "product",
+    "smaller",
     "splat",
-    "spread",
-    "swapped_halves",
-    "vload",
-    "vmin",
-    "vstore",
-    "vsum",
+    "store",
+    "total",
+    "turn",
 ]

@@ -1,9 +1,7 @@
-"""Compiled kernels of the film and rotor equations: slope, tangent slope, curvature, and the linear
-solver of a step.
+"""Compiled kernels of the film and rotor equations: slope and tangent slope.
 
 Each computes a readable formula named in its docstring. ``system`` is a
-:class:`~spab_core.solver.system.System`; a
-state is the flat vector [S by rows of two opposite columns, padded
+:class:`~spab_core.solver.system.System`; a state is the flat vector [S by latitudes
 (:class:`spab_core.solver.film.Film`); 8 rotor states]. The integrator
 (:mod:`spab_core.solver.stepping`) knows a system only through ``slope``, ``slope_tangent``,
 ``time_slope``, ``linearise``, ``solve``, ``prepare_curvature``, ``add_curvature`` and
@@ -18,80 +16,99 @@ import numpy as np
 from numba import njit
 
 from spab_core.solver.film import Film, film_size
+from spab_core.solver.ring import width
 from spab_core.solver.rotor import CENTRE, ROTOR_STATES
-from spab_core.solver.row_ops import apply, following, opposite, preceding, span, turned
 from spab_core.solver.simd import (
-    WIDTH,
     aligned_zeros,
+    at,
     inlined,
     inner,
     kernel,
+    load,
+    smaller,
     splat,
-    vload,
-    vmin,
-    vstore,
-    vsum,
+    store,
+    total,
+    turn,
 )
 from spab_core.solver.system import System
 
 
 class Work(NamedTuple):
-    """Scratch memory of one trajectory (all float64).
+    """Scratch memory of one trajectory (all float64); sizes by :func:`build_work`.
 
-    ``y``, ``p``, ``q`` hold 1/H, P and Q - 1 at the point of linearisation, ``gq`` the gradient of
-    Q across the band there and ``dq`` the derivative of Q along the tangent; ``tq``, ``tdq``,
-    ``flux``, ``dflux`` are Q - 1, its derivative and the fluxes across the band of a stage.
-    ``by_gas`` is dQ/dS, ``by_gap`` dQ per displacement towards the row's first column; ``by_gas2``,
-    ``by_gap2`` and ``push`` to ``bend_y`` belong to :func:`prepare_curvature`. ``lower``, ``upper``
-    are the couplings of I - step J around, ``inverse``, ``fill``, ``separator`` the blocks of its
-    elimination, ``border`` its two columns for the journal's position and ``small`` the 2 x 2
-    remainder for the journal's velocity and other single numbers."""
+    Attributes
+    ----------
+    reach, along : ndarray
+        How far the journal's displacement reaches towards each azimuth, then towards each face: H =
+        1 - cos(latitude) reach; and the same of the tangent's displacement. Of a stage.
+    reach_u, reach_v, reach_w : ndarray
+        The same at the point of linearisation, of the tangent there and of a third direction.
+    inverse_gap, pressure, by_gas : ndarray
+        1/H, P and dQ/dS at the point of linearisation.
+    gradient, gradient_face : ndarray
+        Gradient of Q across the band and derivative around, there.
+    pressure_v, gradient_v, gradient_face_v : ndarray
+        Derivatives of these along the tangent (:func:`~spab_core.solver.curvature.
+        prepare_curvature`).
+    q, dq : ndarray
+        Q - 1 of a stage, and its derivative.
+    flux, dflux, face, dface : ndarray
+        Fluxes across the band and around, and their derivatives.
+    block, answer, coupling : ndarray
+        I - step J between the azimuths of two latitudes, eliminated
+        (:mod:`spab_core.solver.linear_solve`).
+    border : ndarray
+        Two columns for the journal's position.
+    small : ndarray
+        The 2 x 2 remainder for the journal's velocity and other single numbers.
+    spare : ndarray
+        Room for whoever needs it.
+    """
 
-    y: np.ndarray
-    p: np.ndarray
+    reach: np.ndarray
+    along: np.ndarray
+    reach_u: np.ndarray
+    reach_v: np.ndarray
+    reach_w: np.ndarray
+    inverse_gap: np.ndarray
+    pressure: np.ndarray
+    by_gas: np.ndarray
+    gradient: np.ndarray
+    gradient_face: np.ndarray
+    pressure_v: np.ndarray
+    gradient_v: np.ndarray
+    gradient_face_v: np.ndarray
     q: np.ndarray
-    gq: np.ndarray
     dq: np.ndarray
-    tq: np.ndarray
-    tdq: np.ndarray
     flux: np.ndarray
     dflux: np.ndarray
-    by_gas: np.ndarray
-    by_gas2: np.ndarray
-    by_gap: np.ndarray
-    by_gap2: np.ndarray
-    push: np.ndarray
-    own: np.ndarray
-    east: np.ndarray
-    west: np.ndarray
-    bend_x: np.ndarray
-    bend_y: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    inverse: np.ndarray
-    fill: np.ndarray
-    separator: np.ndarray
+    face: np.ndarray
+    dface: np.ndarray
+    block: np.ndarray
+    answer: np.ndarray
+    coupling: np.ndarray
     border: np.ndarray
-    scratch: np.ndarray
     small: np.ndarray
+    spare: np.ndarray
 
 
 def build_work(film: Film) -> Work:
     """Allocate the scratch memory of one trajectory."""
-    n, blocks = film_size(film), film_size(film) * film.padded_latitudes
+    n = film_size(film)
     sizes = {
-        "own": blocks,
-        "inverse": blocks,
-        "fill": 2 * blocks,
-        "separator": (2 * film.padded_latitudes) ** 2,
+        **dict.fromkeys(("reach", "along", "reach_u", "reach_v", "reach_w"), 2 * film.columns),
+        "block": n * n,
+        "answer": n * n,
+        "coupling": n * film.latitudes,
         "border": 2 * (n + ROTOR_STATES),
-        "scratch": 8 * film.padded_latitudes,
         "small": 32,
+        "spare": film.columns,
     }
     return Work(*(aligned_zeros(sizes.get(name, n)) for name in Work._fields))
 
 
-@kernel
+@inner
 def _ramp(rotor, t):
     return min(t / rotor.ramp, 1.0) if rotor.ramp > 0.0 else 1.0
 
@@ -136,7 +153,7 @@ def contact(rotor, x, y, vx, vy, a, b):
     )
 
 
-@kernel
+@inner
 def _rotor_linear(rotor, n, u, fx, fy, out):
     """The linear part of rotor.rotor_slope, with (fx, fy) the sum of film and contact forces."""
     dx, dy = u[n + 2] - u[n], u[n + 3] - u[n + 1]
@@ -147,7 +164,7 @@ def _rotor_linear(rotor, n, u, fx, fy, out):
     out[n + 7] = -rotor.coupling_disc * dy
 
 
-@kernel
+@inner
 def _load(rotor, n, t, out):
     """Add unbalance and gravity, both ramped."""
     ramp = _ramp(rotor, t)
@@ -158,11 +175,11 @@ def _load(rotor, n, t, out):
     out[n + 7] += rotor.unbalance_disc * s - ramp * rotor.gravity_disc
 
 
-@kernel
+@inlined
 def time_slope(system, t, out):
     """Partial derivative of the slope with respect to tau: unbalance, and the ramp while it lasts."""
     film, rotor = system
-    n = film.rows * 2 * span(film.row)
+    n = film.latitudes * width(film.ring)
     ramp = _ramp(rotor, t)
     rate = 1.0 / rotor.ramp if rotor.ramp > 0.0 and t < rotor.ramp else 0.0
     c = rate * math.cos(t) - ramp * math.sin(t)
@@ -175,15 +192,29 @@ def time_slope(system, t, out):
 
 
 @inner
-def east_flux(film, node, around, x, y, q, r, v):
-    """Flux through the faces east of row r."""
-    half = span(film.row)
-    h = 1.0 - node * (x * film.cos_face[r] + y * film.sin_face[r])
-    return (
-        around
-        * (h * h * h)
-        * (following(q, r, v, film.rows, film.row) - vload(q, r * 2 * half + v))
-    )
+def displace(film, x, y, out):
+    """Fill in how far a displacement (x, y) reaches towards the azimuths, then the faces."""
+    ring = film.ring
+    store(out, 0, load(film.cos, 0, ring) * x + load(film.sin, 0, ring) * y)
+    face = load(film.cos_face, 0, ring) * x + load(film.sin_face, 0, ring) * y
+    store(out, width(ring), face)
+
+
+@inner
+def across(film, matrix, row, field):
+    """Return one row of a matrix over latitudes times a field over the film."""
+    n, m, ring = width(film.ring), film.latitudes, film.ring
+    result = at(matrix, row * m) * load(field, 0, ring)
+    for k in range(1, m):
+        result = result + at(matrix, row * m + k) * load(field, k * n, ring)
+    return result
+
+
+@inner
+def diverge(film, flux, face, row):
+    """Return what a latitude gains from the fluxes across and around."""
+    around = load(face, row * width(film.ring), film.ring)
+    return across(film, film.divergence, row, flux) + turn(film.from_face, around)
 
 
 @inlined
@@ -193,174 +224,120 @@ def slope(system, t, u, work, out):
     False where the journal is outside the clearance.
     """
     film, rotor = system
-    half = span(film.row)
-    rows, width = film.rows, 2 * half
-    n = rows * width
-    x, y = u[n], u[n + 1]
+    n, m, ring = width(film.ring), film.latitudes, film.ring
+    size = m * n
+    x, y = u[size], u[size + 1]
     if not x * x + y * y < 1.0:
         return False
-    q, flux = work.tq, work.flux
-    fx, fy = splat(0.0), splat(0.0)
-    for r in range(rows):
-        c, s = film.cos[r], film.sin[r]
-        g = x * c + y * s
-        for v in range(0, width, WIDTH):
-            p = vload(u, r * width + v) / (1.0 - vload(film.node, v) * g)
-            vstore(q, r * width + v, p * p - 1.0)
-            excess = (p - 1.0) * vload(film.weight, v)
-            fx, fy = fx - excess * c, fy - excess * s
-        for v in range(0, width, WIDTH):
-            h = 1.0 - vload(film.flux_node, v) * g
-            vstore(
-                flux,
-                r * width + v,
-                (h * h * h) * apply(film.gradient, 0, q, r * width, v, film.row),
-            )
-    supply = film.supply - 1.0
-    for v in range(0, width, WIDTH):
-        node, around = vload(film.node, v), vload(film.flux_around, v)
-        couette, feed = vload(film.couette, v), vload(film.feed, v)
-        o = opposite(v, film.row)
-        west = turned(east_flux(film, vload(film.node, o), around, x, y, q, rows - 1, o), film.row)
-        for r in range(rows):
-            k = r * width + v
-            east = east_flux(film, node, around, x, y, q, r, v)
-            total = (
-                apply(film.divergence, 0, flux, r * width, v, film.row)
-                + (east - west)
-                + feed * (supply - vload(q, k))
-            )
-            total = total - couette * (
-                following(u, r, v, rows, film.row) - preceding(u, r, v, rows, film.row)
-            )
-            vstore(out, k, total)
-            west = east
+    q, flux, face = work.q, work.flux, work.face
+    displace(film, x, y, work.reach)
+    reach, reach_face = load(work.reach, 0, ring), load(work.reach, n, ring)
+    push = splat(0.0, ring)
+    for row in range(m):
+        p = load(u, row * n, ring) / (1.0 - at(film.node, row) * reach)
+        store(q, row * n, p * p - 1.0)
+        push = push + at(film.weight, row) * (p - 1.0)
+        h = 1.0 - at(film.node, row) * reach_face
+        gradient = turn(film.to_face, p * p - 1.0)
+        store(face, row * n, at(film.around, row) * (h * h * h) * gradient)
+    for row in range(m):
+        h = 1.0 - at(film.flux_node, row) * reach
+        store(flux, row * n, (h * h * h) * across(film, film.gradient, row, q))
+    for row in range(m):
+        gain = diverge(film, flux, face, row)
+        gain = gain + film.feed * ((film.supply - 1.0) - load(q, row * n, ring))
+        store(out, row * n, gain + turn(film.couette, load(u, row * n, ring)))
+    fx, fy = -total(push * load(film.cos, 0, ring)), -total(push * load(film.sin, 0, ring))
     zero = (0.0, 0.0, 0.0, 0.0)
-    c = contact(rotor, x, y, u[n + 4], u[n + 5], zero, zero)
-    _rotor_linear(rotor, n, u, vsum(fx) + c[0], vsum(fy) + c[1], out)
-    _load(rotor, n, t, out)
+    c = contact(rotor, x, y, u[size + 4], u[size + 5], zero, zero)
+    _rotor_linear(rotor, size, u, fx + c[0], fy + c[1], out)
+    _load(rotor, size, t, out)
     return True
-
-
-@inner
-def _east_flux_tangent(film, node, around, x, y, dx, dy, q, dq, r, v):
-    """Flux through the faces east of row r, and its derivative."""
-    half = span(film.row)
-    c, s, k = film.cos_face[r], film.sin_face[r], r * 2 * half + v
-    h = 1.0 - node * (x * c + y * s)
-    slant = -3.0 * node * (dx * c + dy * s)
-    d = following(q, r, v, film.rows, film.row) - vload(q, k)
-    scale = around * (h * h)
-    return scale * h * d, scale * (
-        slant * d + h * (following(dq, r, v, film.rows, film.row) - vload(dq, k))
-    )
 
 
 @inlined
 def slope_tangent(system, t, u, v, work, out, out_v):
     """:func:`slope` at ``u`` and its derivative along ``v``, in one pass over memory."""
     film, rotor = system
-    half = span(film.row)
-    rows, width = film.rows, 2 * half
-    n = rows * width
-    x, y, dx, dy = u[n], u[n + 1], v[n], v[n + 1]
+    n, m, ring = width(film.ring), film.latitudes, film.ring
+    size = m * n
+    x, y, dx, dy = u[size], u[size + 1], v[size], v[size + 1]
     if not x * x + y * y < 1.0:
         return False
-    q, dq, flux, dflux = work.tq, work.tdq, work.flux, work.dflux
-    fx, fy, dfx, dfy = splat(0.0), splat(0.0), splat(0.0), splat(0.0)
-    for r in range(rows):
-        c, s = film.cos[r], film.sin[r]
-        g, dg = x * c + y * s, dx * c + dy * s
-        for i in range(0, width, WIDTH):
-            k = r * width + i
-            node, weight = vload(film.node, i), vload(film.weight, i)
-            inverse = 1.0 / (1.0 - node * g)
-            p = vload(u, k) * inverse
-            dp = (vload(v, k) + p * (node * dg)) * inverse
-            vstore(q, k, p * p - 1.0)
-            vstore(dq, k, (p + p) * dp)
-            excess, dexcess = (p - 1.0) * weight, dp * weight
-            fx, fy = fx - excess * c, fy - excess * s
-            dfx, dfy = dfx - dexcess * c, dfy - dexcess * s
-        for i in range(0, width, WIDTH):
-            k = r * width + i
-            node = vload(film.flux_node, i)
-            h = 1.0 - node * g
-            h2, gradient = h * h, apply(film.gradient, 0, q, r * width, i, film.row)
-            vstore(flux, k, h2 * h * gradient)
-            vstore(
-                dflux,
-                k,
-                h2
-                * (
-                    h * apply(film.gradient, 0, dq, r * width, i, film.row)
-                    - (3.0 * dg) * node * gradient
-                ),
-            )
-    supply = film.supply - 1.0
-    for i in range(0, width, WIDTH):
-        node, around = vload(film.node, i), vload(film.flux_around, i)
-        couette, feed = vload(film.couette, i), vload(film.feed, i)
-        o = opposite(i, film.row)
-        west, dwest = _east_flux_tangent(
-            film, vload(film.node, o), around, x, y, dx, dy, q, dq, rows - 1, o
-        )
-        west, dwest = turned(west, film.row), turned(dwest, film.row)
-        for r in range(rows):
-            k = r * width + i
-            east, deast = _east_flux_tangent(film, node, around, x, y, dx, dy, q, dq, r, i)
-            total = (
-                apply(film.divergence, 0, flux, r * width, i, film.row)
-                + (east - west)
-                + feed * (supply - vload(q, k))
-            )
-            dtotal = (
-                apply(film.divergence, 0, dflux, r * width, i, film.row)
-                + (deast - dwest)
-                - feed * vload(dq, k)
-            )
-            total = total - couette * (
-                following(u, r, i, rows, film.row) - preceding(u, r, i, rows, film.row)
-            )
-            dtotal = dtotal - couette * (
-                following(v, r, i, rows, film.row) - preceding(v, r, i, rows, film.row)
-            )
-            vstore(out, k, total)
-            vstore(out_v, k, dtotal)
-            west, dwest = east, deast
-    a = (dx, dy, v[n + 4], v[n + 5])
-    c = contact(rotor, x, y, u[n + 4], u[n + 5], a, (0.0, 0.0, 0.0, 0.0))
-    _rotor_linear(rotor, n, u, vsum(fx) + c[0], vsum(fy) + c[1], out)
-    _rotor_linear(rotor, n, v, vsum(dfx) + c[2], vsum(dfy) + c[3], out_v)
-    _load(rotor, n, t, out)
+    q, dq, flux, dflux, face, dface = (
+        work.q,
+        work.dq,
+        work.flux,
+        work.dflux,
+        work.face,
+        work.dface,
+    )
+    displace(film, x, y, work.reach)
+    displace(film, dx, dy, work.along)
+    reach, reach_face = load(work.reach, 0, ring), load(work.reach, n, ring)
+    along, along_face = load(work.along, 0, ring), load(work.along, n, ring)
+    push, dpush = splat(0.0, ring), splat(0.0, ring)
+    for row in range(m):
+        node, weight = at(film.node, row), at(film.weight, row)
+        inverse = 1.0 / (1.0 - node * reach)
+        p = load(u, row * n, ring) * inverse
+        dp = (load(v, row * n, ring) + p * (node * along)) * inverse
+        store(q, row * n, p * p - 1.0)
+        store(dq, row * n, (p + p) * dp)
+        push, dpush = push + weight * (p - 1.0), dpush + weight * dp
+        h, dh = 1.0 - node * reach_face, (-3.0 * node) * along_face
+        gradient = turn(film.to_face, p * p - 1.0)
+        dgradient = turn(film.to_face, (p + p) * dp)
+        scale = at(film.around, row) * (h * h)
+        store(face, row * n, scale * h * gradient)
+        store(dface, row * n, scale * (h * dgradient + dh * gradient))
+    for row in range(m):
+        h, dh = 1.0 - at(film.flux_node, row) * reach, (-3.0 * at(film.flux_node, row)) * along
+        gradient = across(film, film.gradient, row, q)
+        dgradient = across(film, film.gradient, row, dq)
+        store(flux, row * n, (h * h * h) * gradient)
+        store(dflux, row * n, (h * h) * (h * dgradient + dh * gradient))
+    for row in range(m):
+        gain = diverge(film, flux, face, row)
+        gain = gain + film.feed * ((film.supply - 1.0) - load(q, row * n, ring))
+        store(out, row * n, gain + turn(film.couette, load(u, row * n, ring)))
+        gain = diverge(film, dflux, dface, row) - film.feed * load(dq, row * n, ring)
+        store(out_v, row * n, gain + turn(film.couette, load(v, row * n, ring)))
+    cos, sin = load(film.cos, 0, ring), load(film.sin, 0, ring)
+    a = (dx, dy, v[size + 4], v[size + 5])
+    c = contact(rotor, x, y, u[size + 4], u[size + 5], a, (0.0, 0.0, 0.0, 0.0))
+    _rotor_linear(rotor, size, u, c[0] - total(push * cos), c[1] - total(push * sin), out)
+    _rotor_linear(rotor, size, v, c[2] - total(dpush * cos), c[3] - total(dpush * sin), out_v)
+    _load(rotor, size, t, out)
     return True
 
 
-@kernel
+@inlined
 def error_norm(system, work, new, error):
     """Size of a step's error: the worst of journal and disc position (over C), velocity (over 1 +
     speed) and film (rms).
     """
     film, _ = system
-    n = film.rows * 2 * span(film.row)
-    total, least = splat(0.0), splat(math.inf)
-    for k in range(0, n, WIDTH):
-        gas = vload(new, k)
-        scaled = vload(error, k) / (1.0 + gas)
-        total, least = total + scaled * scaled, vmin(least, gas)
-    worst = math.sqrt(vsum(total) / (film.columns * film.latitudes))
-    vstore(work.scratch, 0, least)
-    for k in range(WIDTH):
-        if not work.scratch[k] > 0.0:
+    n, m, ring = width(film.ring), film.latitudes, film.ring
+    size = m * n
+    squares, least = splat(0.0, ring), splat(math.inf, ring)
+    for k in range(0, size, n):
+        gas = load(new, k, ring)
+        scaled = load(error, k, ring) / (1.0 + gas)
+        squares, least = squares + scaled * scaled, smaller(least, gas)
+    worst = math.sqrt(total(squares) / size)
+    store(work.spare, 0, least)
+    for k in range(n):
+        if not work.spare[k] > 0.0:
             return math.inf  # gas content must stay positive
     if not math.isfinite(worst):
         return math.inf
     speed = 1.0
-    for k in range(n + 4, n + 8):
+    for k in range(size + 4, size + 8):
         speed = max(speed, abs(new[k]))
-    for k in range(n, n + 4):
+    for k in range(size, size + 4):
         worst = max(worst, abs(error[k]), abs(error[k + 4]) / speed)
-    if not new[n] * new[n] + new[n + 1] * new[n + 1] < 1.0:
+    if not new[size] * new[size] + new[size + 1] * new[size + 1] < 1.0:
         return math.inf
     return worst
 

@@ -23,15 +23,15 @@ from numba import njit
 from numba.extending import overload
 
 from spab_core.solver.dtm import DTM_ORDER, build_series, dtm_step
-from spab_core.solver.film import Film, film_index, film_size
-from spab_core.solver.rodas import DEFAULT_TOLERANCE, Stages, build_stages, rodas_step
-from spab_core.solver.rotor import ROTOR_STATES
-from spab_core.solver.simd import WIDTH, aligned_zeros, inlined, kernel, splat, vload, vstore, vsum
+from spab_core.solver.film import Film, film_size
+from spab_core.solver.rodas import DEFAULT_TOLERANCE, EIGHT, Stages, build_stages, rodas_step
+from spab_core.solver.rotor import CENTRE, ROTOR_STATES
+from spab_core.solver.simd import WIDTH, aligned_zeros, inlined, kernel, load, splat, store, total
 from spab_core.solver.slope import Work, build_work
 
 METHODS = ("rodas", "dtm")
 REVOLUTION = 2.0 * math.pi
-CONTACT_ECCENTRICITY, TOUCHDOWN_ECCENTRICITY = 0.9, 0.9995
+THIN_FILM, TOUCHDOWN_ECCENTRICITY = 0.9, 0.9995
 OK, TOUCHDOWN, STEP_TOO_SMALL, TOO_MANY_STEPS = 0, 1, 2, 3
 STATUS = ("ok", "touchdown", "step-too-small", "too-many-steps")
 STATUS_TEXT = {
@@ -86,33 +86,36 @@ class Record(NamedTuple):
         Rotor state at the end of each revolution.
     growth : ndarray, (revolutions,)
         Natural log of the tangent's growth in each revolution.
-    contact : ndarray, (revolutions,)
-        Share of the revolution's time at an eccentricity above 0.9.
-    peak : ndarray, (revolutions,)
-        Largest eccentricity.
+    contact, thin : ndarray, (revolutions,)
+        Time in tau in contact (:func:`~spab_core.solver.rotor.contact_eccentricity`), and at an
+        eccentricity above :data:`THIN_FILM`.
+    peak, force : ndarray, (revolutions,)
+        Largest eccentricity, and largest normal force of the asperities over p_a R².
+    box : ndarray, (revolutions, 4)
+        Least and largest X, least and largest Y of the journal.
     path : ndarray, (revolutions, samples, 8)
         Rotor states at equal spacing, the first at the start of the revolution.
-    tangent : ndarray, (revolutions, size of the state) or (revolutions, 0)
-        Unit tangent at the end of each revolution, where asked for.
     """
 
     section: np.ndarray
     growth: np.ndarray
     contact: np.ndarray
+    thin: np.ndarray
     peak: np.ndarray
+    force: np.ndarray
+    box: np.ndarray
     path: np.ndarray
-    tangent: np.ndarray
 
 
-def build_record(revolutions: int, samples: int, tangent_size: int = 0) -> Record:
+def build_record(revolutions: int, samples: int) -> Record:
     """Allocate a record."""
+    shapes: dict[str, tuple[int, ...]] = {
+        "section": (ROTOR_STATES,),
+        "box": (4,),
+        "path": (samples, ROTOR_STATES),
+    }
     return Record(
-        np.full((revolutions, ROTOR_STATES), np.nan),
-        np.full(revolutions, np.nan),
-        np.full(revolutions, np.nan),
-        np.full(revolutions, np.nan),
-        np.full((revolutions, samples, ROTOR_STATES), np.nan),
-        np.full((revolutions, tangent_size), np.nan),
+        *(np.full((revolutions, *shapes.get(name, ())), np.nan) for name in Record._fields)
     )
 
 
@@ -140,14 +143,12 @@ def build_memory(film: Film, method: str = "rodas") -> Memory:
     """Memory of one trajectory at the cold start: rotor at rest at the centre, P = 1, a fixed
     generic tangent.
 
-    The tangent's entries for padded film cells and for the unused disc of a rigid rotor stay zero
-    for all time."""
+    The tangent's entries for the unused disc of a rigid rotor stay zero for all time."""
     n = film_size(film)
     size = n + ROTOR_STATES
     state, tangent = aligned_zeros(size), aligned_zeros(size)
     state[:n] = 1.0
-    places = film_index(film)
-    tangent[places] = np.random.default_rng(0).standard_normal(places.shape) / math.sqrt(n)
+    tangent[:n] = np.random.default_rng(0).standard_normal(n) / math.sqrt(n)
     tangent[n], tangent[n + 1], tangent[n + 4], tangent[n + 5] = 0.5, 0.3, 0.4, -0.2
     tangent /= np.linalg.norm(tangent)
     return Memory(
@@ -172,7 +173,7 @@ def take_step(system, memory, t, h, with_tangent):
     raise NotImplementedError  # compiled only
 
 
-@overload(take_step, jit_options={"error_model": "numpy", "nogil": True})
+@overload(take_step, jit_options={"error_model": "numpy", "nogil": True, "forceinline": True})
 def _take_step(system, memory, t, h, with_tangent):
     if isinstance(memory.types[memory.fields.index("series")], numba.types.NoneType):
         return lambda system, memory, t, h, with_tangent: (
@@ -197,7 +198,7 @@ def _take_step(system, memory, t, h, with_tangent):
     )
 
 
-@kernel
+@inlined
 def _hermite(a, b, da, db, s, h):
     """Cubic through values and slopes at the ends of a step, at the fraction s: value and
     derivative.
@@ -207,25 +208,38 @@ def _hermite(a, b, da, db, s, h):
     return a + s * (h * da + s * (c2 + s * c3)), da + s * (2.0 * c2 + 3.0 * s * c3) / h
 
 
-@kernel
-def observe(u, new, h, row, record):
-    """Contact time, largest eccentricity and touchdown within one step, from its cubic interpolant."""
+@inlined
+def observe(system, u, new, h, row, record):
+    """Contact, thin film, largest eccentricity and force, and touchdown within one step, from its
+    cubic interpolant.
+    """
+    _, rotor = system
     n = u.size - ROTOR_STATES
     touchdown = False
     for k in range(1, _SUBSAMPLES + 1):
         s = k / _SUBSAMPLES
-        x, _ = _hermite(u[n], new[n], u[n + 4], new[n + 4], s, h)
-        y, _ = _hermite(u[n + 1], new[n + 1], u[n + 5], new[n + 5], s, h)
+        x, vx = _hermite(u[n], new[n], u[n + 4], new[n + 4], s, h)
+        y, vy = _hermite(u[n + 1], new[n + 1], u[n + 5], new[n + 5], s, h)
         e = math.sqrt(x * x + y * y)
+        box = record.box[row]
+        box[0], box[1] = min(box[0], x), max(box[1], x)
+        box[2], box[3] = min(box[2], y), max(box[3], y)
         if e > record.peak[row]:
             record.peak[row] = e
-        if e > CONTACT_ECCENTRICITY:
+        if e > THIN_FILM:
+            record.thin[row] += h / _SUBSAMPLES
+        if e > rotor.contact_eccentricity:
             record.contact[row] += h / _SUBSAMPLES
+        # the radial speed moves the largest force by less than one roughness
+        if e > CENTRE and e > record.peak[row] - rotor.roughness:
+            normal = rotor.contact_force * math.exp((e - 1.0) / rotor.roughness)
+            normal *= 1.0 + rotor.damping * (x * vx + y * vy) / e
+            record.force[row] = max(record.force[row], normal)
         touchdown = touchdown or e >= TOUCHDOWN_ECCENTRICITY
     return touchdown
 
 
-@kernel
+@inlined
 def sample(u, new, t, h, start, spacing, row, record):
     """Fill the path samples that fall into the step [t, t + h)."""
     n = u.size - ROTOR_STATES
@@ -255,12 +269,12 @@ def _step_factor(control, h, size, exponent):
 @inlined
 def _renormalise(new, out):
     """Copy a tangent at unit length to ``out``; return the length it had."""
-    total = splat(0.0)
+    squares = splat(0.0, EIGHT)
     for k in range(0, out.size, WIDTH):
-        total = total + vload(new, k) * vload(new, k)
-    norm = math.sqrt(vsum(total))
+        squares = squares + load(new, k, EIGHT) * load(new, k, EIGHT)
+    norm = math.sqrt(total(squares))
     for k in range(0, out.size, WIDTH):
-        vstore(out, k, vload(new, k) * (1.0 / norm))
+        store(out, k, load(new, k, EIGHT) * (1.0 / norm))
     return norm
 
 
@@ -292,7 +306,9 @@ def advance(system, memory, options, first, revolutions, record):
         start = (first + row) * options.period
         end = (first + row + 1) * options.period
         t, growth = start, 0.0
-        record.contact[row] = record.peak[row] = 0.0
+        record.contact[row] = record.thin[row] = record.peak[row] = record.force[row] = 0.0
+        record.box[row, 0] = record.box[row, 2] = math.inf
+        record.box[row, 1] = record.box[row, 3] = -math.inf
         steps = 0
         while t < end:
             natural = (
@@ -323,11 +339,11 @@ def advance(system, memory, options, first, revolutions, record):
             control[LAST_STEP], control[LAST_ERROR] = h, max(size, 1e-3)
             # a step cut short to meet the end of the revolution does not shrink the next one
             control[NEXT_STEP] = h * factor if h > 0.7 * natural else max(natural, h * factor)
-            touchdown = observe(u, new, h, row, record)
+            touchdown = observe(system, u, new, h, row, record)
             if samples > 0:
                 sample(u, new, t, h, start, options.period / samples, row, record)
             for k in range(0, u.size, WIDTH):
-                vstore(u, k, vload(new, k))
+                store(u, k, load(new, k, EIGHT))
             t = end if count == 1 else t + h
             if touchdown:
                 return TOUCHDOWN, row
@@ -342,8 +358,6 @@ def advance(system, memory, options, first, revolutions, record):
         for c in range(ROTOR_STATES):
             record.section[row, c] = u[n + c]
         record.growth[row] = growth
-        for k in range(record.tangent.shape[1]):
-            record.tangent[row, k] = v[k]
     return OK, revolutions
 
 

@@ -1,5 +1,5 @@
-"""Which regime a point of the plane has, learnt from the labels of some cells; and what a predicted
-exponent alone says.
+"""Predict the regime of a point: by a classifier trained on the labels of some cells, or by
+thresholds of a predicted exponent.
 """
 
 from __future__ import annotations
@@ -58,13 +58,13 @@ class RegimeTrees(ClassifierMixin, BaseEstimator):
         return self.with_trees(trees.fit(self._inputs(X), y))
 
     def with_trees(self, trees: ExtraTreesClassifier) -> RegimeTrees:
-        """Use fitted ``trees``, such as the ``trees_`` of another instance; returns itself."""
+        """Use fitted ``trees``, such as the ``trees_`` of another instance; return self."""
         self.trees_, self.classes_ = trees, np.array(REGIMES)
         return self
 
     def predict_proba(self, X: np.ndarray) -> np.ndarray:
-        """Probabilities (n, 3) in the order of ``REGIMES``; 0 for a regime that no training cell
-        had.
+        """Return probabilities (n, 4) in the order of ``REGIMES``; 0 for a regime absent from the
+        training cells.
         """
         found = self.trees_.predict_proba(self._inputs(X))
         columns = [
@@ -76,7 +76,7 @@ class RegimeTrees(ClassifierMixin, BaseEstimator):
         )
 
     def predict(self, X: np.ndarray) -> np.ndarray:
-        """The most probable regimes (n,)."""
+        """Return the most probable regimes (n,)."""
         found: np.ndarray = self.classes_[self.predict_proba(X).argmax(axis=1)]
         return found
 
@@ -91,11 +91,11 @@ class PredictedRegimes:
     divisor, seed : int
     regime : ndarray of str, (B, M)
         "" where the map has no exponent.
-    probability : ndarray, (B, M, 3)
+    probability : ndarray, (B, M, 4)
         In the order of ``REGIMES``; nan where the map has no exponent.
     trained, held_out : ndarray of bool, (B, M)
-        The training cells, and those that scores are measured on: those of
-        ``surrogates.predict_map`` with the same divisor, seed and split.
+        The training cells and the cells that scores are measured on, the same as in
+        ``surrogates.predict_map`` with this divisor, seed and split.
     train_seconds : float
     """
 
@@ -124,7 +124,7 @@ def predict_regimes(
     divisor, seed, split
         As in ``surrogates.predict_map``.
     classifier : RegimeTrees
-        Trained on these cells before; left out: trained now.
+        Already trained on these cells; left out: train one.
 
     Raises
     ------

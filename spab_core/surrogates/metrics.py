@@ -1,4 +1,4 @@
-"""How well surrogates predict: the paper's errors and others, for any model, fraction and draw."""
+"""Score surrogates: the paper's errors and others, for any model, training fraction and seed."""
 
 from __future__ import annotations
 
@@ -9,12 +9,7 @@ from typing import Any
 import joblib
 import numpy as np
 import pandas as pd
-from sklearn.metrics import (
-    accuracy_score,
-    f1_score,
-    mean_absolute_error,
-    root_mean_squared_error,
-)
+from sklearn.metrics import accuracy_score, f1_score, mean_absolute_error, root_mean_squared_error
 
 from spab_core.maps.stability_map import StabilityMap
 from spab_core.surrogates.classifier import regimes_by_threshold
@@ -31,8 +26,8 @@ ERRORS: dict[str, Callable[..., float]] = {
 
 
 def errors(m: StabilityMap, predicted: PredictedMap) -> dict[str, float]:
-    """``rmse_all``, ``mae_all`` over all solved cells; ``rmse_held_out``, ``mae_held_out`` over the
-    held-out ones, if any.
+    """Return ``rmse_all`` and ``mae_all`` over all solved cells, ``rmse_held_out`` and
+    ``mae_held_out`` over the held-out cells, if any.
     """
     found = {}
     for name, function in ERRORS.items():
@@ -43,8 +38,8 @@ def errors(m: StabilityMap, predicted: PredictedMap) -> dict[str, float]:
 
 
 def regime_scores(truth: np.ndarray, predicted: np.ndarray) -> dict[str, float]:
-    """``regime_accuracy`` and ``chaos_f1`` of predicted regimes, arrays of str (n,); nan where
-    there is nothing to count.
+    """Return ``regime_accuracy`` and ``chaos_f1`` of predicted regimes, arrays of str (n,); nan if
+    there are no cells to count.
     """
     if not len(truth):
         return {"regime_accuracy": math.nan, "chaos_f1": math.nan}
@@ -57,15 +52,16 @@ def regime_scores(truth: np.ndarray, predicted: np.ndarray) -> dict[str, float]:
 def score(
     m: StabilityMap, kind: Model, divisor: int, seed: int, split: str = "random"
 ) -> dict[str, Any]:
-    """Errors of one model trained on 1/divisor of a map.
+    """Return the errors of one model trained on 1/divisor of a map's cells.
 
     Returns
     -------
     dict
         ``model``, ``divisor``, ``seed``; ``rmse_all``, ``mae_all`` over all cells, training cells
-        included (the paper's way); ``rmse_held_out``, ``mae_held_out`` over the others (of blocks:
-        the withheld ones), ``regime_accuracy``, ``chaos_f1`` of the regimes that its exponents say
-        there by two thresholds; ``train_seconds``, ``predict_seconds``, ``converged``.
+        included as in the paper; ``rmse_held_out``, ``mae_held_out`` over the held-out cells (split
+        by blocks: the withheld ones); ``regime_accuracy``, ``chaos_f1`` there, of regimes
+        classified by two thresholds of the predicted exponent; ``train_seconds``,
+        ``predict_seconds``, ``converged``.
     """
     predicted = predict_map(m, kind, divisor, seed, split)
     found = {"model": kind.name, "divisor": divisor, "seed": seed} | errors(m, predicted)
@@ -81,15 +77,16 @@ def score(
 
 
 def uncertainty_scores(m: StabilityMap, found: MapIntervals) -> dict[str, float]:
-    """How well regimes, intervals and probabilities hold on held-out cells.
+    """Return how well predicted regimes, intervals and probabilities hold on held-out cells.
 
     Returns
     -------
     dict
         Of the classifier ``regime_accuracy`` and ``chaos_f1``; of the intervals ``coverage``,
-        ``coverage_periodic``, ``coverage_quasi-periodic``, ``coverage_chaotic`` (by the regime that
-        the solver found; nan where there is none) and ``width``, the median per revolution; of the
-        probability of instability ``calibration_error``.
+        ``coverage_periodic``, ``coverage_quasi-periodic``, ``coverage_chaotic``,
+        ``coverage_undecided`` (by the regime that the solver found; nan where there is none) and
+        ``width``, the median per revolution; of the probability of instability
+        ``calibration_error``.
     """
     tested = found.held_out
     truth = m.regime[tested]
@@ -109,8 +106,8 @@ def uncertainty_scores(m: StabilityMap, found: MapIntervals) -> dict[str, float]
 def score_uncertainty(
     m: StabilityMap, kind: Model, divisor: int, seed: int, split: str = "random"
 ) -> dict[str, Any]:
-    """:func:`uncertainty_scores` from 1/divisor of a map, with ``model``, ``divisor``, ``seed`` and
-    ``train_seconds``.
+    """Return :func:`uncertainty_scores` of models trained on 1/divisor of a map, with ``model``,
+    ``divisor``, ``seed`` and ``train_seconds``.
     """
     found = uncertain_map(m, kind, divisor, seed, split)
     return (
@@ -131,7 +128,7 @@ def evaluate(
     workers: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> pd.DataFrame:
-    """Scores of models x training fractions x seeds, one row each, as in :func:`score` or
+    """Score each combination of model, training fraction and seed, by :func:`score` or
     :func:`score_uncertainty`.
 
     Parameters
@@ -151,7 +148,7 @@ def evaluate(
     Returns
     -------
     DataFrame
-        Sorted by model, divisor and seed, whatever the number of workers.
+        One row a combination, sorted by model, divisor and seed for any number of workers.
     """
     kinds = list(models)
     jobs = [

@@ -1,9 +1,10 @@
-"""Models that predict a map from some of its cells: the paper's four, what a user would do without
-them, and better ones.
+"""Models that predict a map from some of its cells: the paper's four, plain interpolation, and
+better ones.
 
 The protocol is the paper's (Kuo, Lee and Wang, IEEE Access 8, 2020, section IV): inputs (bearing
 number, rotor mass) and target (exponent) scaled to [0, 1], training cells drawn at random without
-replacement, predictions scaled back."""
+replacement, predictions scaled back.
+"""
 
 from __future__ import annotations
 
@@ -49,8 +50,8 @@ Progress = Callable[[int, int], None]  # steps done, steps in all
 
 
 class Interpolation(RegressorMixin, BaseEstimator):
-    """Piecewise polynomials over the Delaunay triangles of the samples; the nearest sample outside
-    their hull.
+    """Piecewise polynomials over the Delaunay triangles of the samples; outside their hull the
+    value of the nearest sample.
 
     Parameters
     ----------
@@ -64,7 +65,7 @@ class Interpolation(RegressorMixin, BaseEstimator):
     def fit(self, X: np.ndarray, y: np.ndarray) -> Interpolation:
         """Triangulate the samples X (n, 2) with values y (n,).
 
-        Raises InputError where they lie on one line.
+        Raises InputError if they lie on one line.
         """
         kind = {1: LinearNDInterpolator, 3: CloughTocher2DInterpolator}[self.degree]
         try:
@@ -77,7 +78,7 @@ class Interpolation(RegressorMixin, BaseEstimator):
         return self
 
     def predict(self, X: np.ndarray) -> np.ndarray:
-        """Values at X (n, 2)."""
+        """Return values at X (n, 2)."""
         values = np.asarray(self.inside_(X), float)
         missing = ~np.isfinite(values)
         values[missing] = self.outside_(np.asarray(X)[missing])
@@ -185,15 +186,15 @@ MODELS = {
 
 
 def model(name: str) -> Model:
-    """The model of that name. Raises :class:`InputError` with the names there are."""
+    """Return the model of that name; raise :class:`InputError` with the known names otherwise."""
     if name not in MODELS:
         raise InputError(f"model = {str(name)[:40]!r} is not allowed: choose {', '.join(MODELS)}")
     return MODELS[name]
 
 
 def solved_cells(m: StabilityMap) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The cells that have an exponent: flat indices (n,), inputs (n, 2) as bearing number and rotor
-    mass, exponents (n,).
+    """Return the cells that have an exponent: flat indices (n,), inputs (n, 2) as bearing number
+    and rotor mass, exponents (n,).
     """
     number, mass = np.meshgrid(m.bearing_number, m.rotor_mass, indexing="ij")
     index = np.flatnonzero(np.isfinite(m.mle))
@@ -205,14 +206,14 @@ def solved_cells(m: StabilityMap) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def training_mask(count: int, divisor: int, seed: int) -> np.ndarray:
-    """Which of ``count`` cells are trained on: count // divisor of them, drawn without replacement.
+    """Draw count // divisor training cells out of ``count`` without replacement.
 
-    Shape (count,), bool.
+    Returns a mask (count,) of bool.
 
     Raises
     ------
     InputError
-        Where that leaves fewer than :data:`MIN_TRAINING` cells.
+        If that gives fewer than :data:`MIN_TRAINING` cells.
     """
     if not 1 <= divisor <= max(count // MIN_TRAINING, 1) or count < MIN_TRAINING:
         raise InputError(
@@ -226,8 +227,8 @@ def training_mask(count: int, divisor: int, seed: int) -> np.ndarray:
 
 
 def block_split(m: StabilityMap, divisor: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """A harder split: a quarter of 10 x 10 rectangles of the plane is withheld whole, training
-    cells are drawn outside them.
+    """Withhold a quarter of 10 x 10 rectangles of the plane and draw training cells outside them: a
+    harder split than cells at random.
 
     Parameters
     ----------
@@ -244,7 +245,7 @@ def block_split(m: StabilityMap, divisor: int, seed: int) -> tuple[np.ndarray, n
     Raises
     ------
     InputError
-        Where too few cells are left outside.
+        If too few cells are left outside.
     """
     index, _, _ = solved_cells(m)
     count = len(index)
@@ -269,8 +270,8 @@ def block_split(m: StabilityMap, divisor: int, seed: int) -> tuple[np.ndarray, n
 def split_cells(
     m: StabilityMap, divisor: int, seed: int, split: str = "random"
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Training cells and the cells that errors are measured on, among the solved ones, by a split
-    of :data:`SPLITS`.
+    """Return masks of the training cells and of the cells that errors are measured on, among the
+    solved ones, by a split of :data:`SPLITS`.
 
     Raises
     ------
@@ -310,7 +311,7 @@ class Surrogate:
     converged: bool | None
 
     def predict(self, bearing_number: np.ndarray, rotor_mass: np.ndarray) -> np.ndarray:
-        """Exponents per revolution at points given by arrays of one shape, rotor mass in kg."""
+        """Return exponents per revolution at points, arrays of one shape; rotor mass in kg."""
         number, mass = np.broadcast_arrays(
             np.asarray(bearing_number, float), np.asarray(rotor_mass, float)
         )
@@ -319,13 +320,13 @@ class Surrogate:
 
 
 def linear_table_of(m: StabilityMap) -> LinearTable:
-    """Linear stability of a map's design over at least its plane; computed, half a minute, unless
-    it is the shipped one.
+    """Return linear stability of a map's design over at least the map's plane: the shipped table,
+    or one computed in half a minute.
 
     Raises
     ------
     InputError
-        Where the design has no static equilibrium anywhere in the plane.
+        If the design has no static equilibrium anywhere in the plane.
     """
     number, mass = m.bearing_number, m.rotor_mass
     return table_for(
@@ -356,7 +357,7 @@ def train(
         Of the design (:func:`linear_table_of`), for models that start from linear theory; left out:
         the reference design's.
     progress : callable
-        Called with the steps done and the steps in all: trees of a forest, else one.
+        Called with the number of steps done and in total: trees of a forest, else one step.
 
     Returns
     -------
@@ -379,7 +380,7 @@ def train(
 
 
 def _fit(estimator: BaseEstimator, X: np.ndarray, y: np.ndarray, progress: Progress) -> None:
-    """Fit an estimator, a forest some trees at a time; the trees are those of one fit, to the bit."""
+    """Fit an estimator; grow a forest some trees at a time, bit for bit as in a single fit."""
     theory = isinstance(estimator, TheoryTrees)
     unfitted = estimator if theory else estimator.regressor[-1]
     total = getattr(unfitted, "n_estimators", 1)
@@ -411,15 +412,14 @@ class PredictedMap:
     model : Model
     divisor, seed : int
     mle : ndarray, (B, M)
-        Predicted for every cell that the map has an exponent for; nan elsewhere.
+        Predicted for every cell where the map has an exponent; nan elsewhere.
     trained : ndarray of bool, (B, M)
         The training cells.
     surrogate : Surrogate
     predict_seconds : float
         For the whole map.
     withheld : ndarray of bool, (B, M), or None
-        The cells of withheld rectangles; None where the training cells were drawn from the whole
-        plane.
+        The cells of withheld rectangles; None if training cells were drawn from the whole plane.
     """
 
     model: Model
@@ -433,8 +433,9 @@ class PredictedMap:
 
     @property
     def held_out(self) -> np.ndarray:
-        """The cells that errors are measured on, (B, M) of bool: those with an exponent that were
-        not trained on; of blocks, only the withheld ones."""
+        """Mask (B, M) of the cells that errors are measured on: those with an exponent outside the
+        training cells; after a split by blocks only the withheld ones.
+        """
         tested = ~self.trained if self.withheld is None else self.withheld
         found: np.ndarray = np.isfinite(self.mle) & tested
         return found

@@ -1,5 +1,5 @@
-"""How well surrogates predict: the paper's metrics and tables, with held-out cells beside the whole
-map, and a ranking.
+"""Tables of surrogate errors as in the paper, with held-out cells beside the whole map, and a
+ranking of the models.
 """
 
 from __future__ import annotations
@@ -30,49 +30,47 @@ PAPER_RMSE = {
 def comparison_words(
     predicted: float, exponent: Exponent | None, interval: tuple[float, float] | None, trained: bool
 ) -> tuple[bool | None, str]:
-    """A prediction beside the solver's answer.
+    """Compare a prediction with the solved exponent, in words.
 
     Parameters
     ----------
     predicted : float
-        Per revolution; nan where the map has no exponent.
+        Per revolution; nan if the map has no exponent there.
     exponent : Exponent or None
-        Solved; None where the run failed.
+        Solved; None if the run failed.
     interval : (float, float) or None
-        Of :data:`uncertainty.CONFIDENCE`; None where it is not known yet.
+        Of :data:`uncertainty.CONFIDENCE`; None if it is not known yet.
     trained : bool
         Whether the model was trained on this cell.
 
     Returns
     -------
     bool or None
-        Whether the solved exponent lies inside the interval; None where that cannot be said.
+        Whether the solved exponent lies inside the interval; None if there is nothing to compare.
     str
-        In words.
+        The sentence.
     """
     if exponent is None or not math.isfinite(predicted):
-        return None, "There is nothing to compare: the run failed here, live or on the map."
+        return None, "There is nothing to compare: the run failed, here or on the map."
     words = (
         f"Predicted {predicted:+.3f}, solved live {exponent.value:+.3f} ± "
-        f"{exponent.standard_error:.3f} per revolution: "
-        f"{abs(predicted - exponent.value):.3f} apart"
+        f"{exponent.standard_error:.3f} per revolution: {abs(predicted - exponent.value):.3f} apart"
     )
     inside = None
     if interval is not None and np.isfinite(interval).all():
         inside = bool(interval[0] <= exponent.value <= interval[1])
         words += (
             f". The solved value lies {'inside' if inside else 'outside'} the model's "
-            f"{CONFIDENCE:.0%} interval, "
-            f"{interval[0]:+.3f} to {interval[1]:+.3f}"
+            f"{CONFIDENCE:.0%} interval, {interval[0]:+.3f} to {interval[1]:+.3f}"
             + ("" if inside else "; one cell in ten should")
         )
     return inside, words + (". The model was trained on this cell." if trained else ".")
 
 
 def table(scores: pd.DataFrame, metric: str) -> pd.DataFrame:
-    """A table like the paper's: rows n/2 ...
+    """Return a table like the paper's, a column for each model.
 
-    n/8, Average, Standard deviation (n - 1), Max - Min; a column for each model.
+    Its rows are the fractions from n/2 to n/8, Average, Standard deviation (n - 1) and Max - Min.
 
     Parameters
     ----------
@@ -96,8 +94,7 @@ def table(scores: pd.DataFrame, metric: str) -> pd.DataFrame:
 
 
 def spread(scores: pd.DataFrame, metric: str) -> pd.DataFrame:
-    """Standard deviation over seeds (n - 1) of a metric: rows n/2 ...
-
+    """Return a metric's standard deviation over seeds (n - 1): a row for each fraction from n/2 to
     n/8, a column for each model.
     """
     found = scores.pivot_table(
@@ -107,8 +104,8 @@ def spread(scores: pd.DataFrame, metric: str) -> pd.DataFrame:
 
 
 def is_tie(scores: pd.DataFrame, metric: str, first: str, second: str) -> bool:
-    """Whether two models' averages over the fractions differ by chance: Student's t test, paired by
-    seed; one seed is a tie.
+    """Return whether two models' averages over the fractions differ by chance only: Student's t
+    test, paired by seed. With one seed they always tie.
     """
     by_seed = scores.pivot_table(index="seed", columns="model", values=metric, aggfunc="mean")
     difference = (by_seed[first] - by_seed[second]).to_numpy()
@@ -118,7 +115,7 @@ def is_tie(scores: pd.DataFrame, metric: str, first: str, second: str) -> bool:
 
 
 def ranking(scores: pd.DataFrame, kind: str = "held_out") -> pd.DataFrame:
-    """Models from best to worst.
+    """Rank the models from best to worst.
 
     Parameters
     ----------
@@ -155,27 +152,25 @@ def ranking(scores: pd.DataFrame, kind: str = "held_out") -> pd.DataFrame:
 
 
 def suggestion(ranked: pd.DataFrame) -> str:
-    """The ranking in one sentence."""
+    """Return the ranking in one sentence."""
     best, tied = ranked.index[0], ranked.index[ranked["tied"]]
     row = ranked.loc[best]
     text = (
         f"Best by RMSE: {MODELS[best].label}, on average {row['rmse']:.3f} per revolution, MAE "
-        f"{row['mae']:.3f}, "
-        "over the training fractions"
+        f"{row['mae']:.3f}, over the training fractions"
     )
     if len(tied):
-        text += f"; {', '.join(MODELS[name].label for name in tied)}: no worse but for chance"
+        text += f"; {', '.join(MODELS[name].label for name in tied)}: differ from it by chance only"
     return text + "."
 
 
 def error_by_regime(m: StabilityMap, predicted: PredictedMap) -> pd.DataFrame:
-    """Errors of held-out cells by the regime that the solver found, and of those beside
-    another regime.
+    """Return the errors of held-out cells by solved regime, and of those next to another regime.
 
     Returns
     -------
     DataFrame
-        Rows: the regimes there are, and "at a border" (another regime among the four neighbours);
+        Rows: the regimes in the map, and "at a border" (another regime among the four neighbours);
         columns ``cells``, ``rmse``, ``mae``, and ``share`` of the sum of squares.
     """
     held_out = predicted.held_out

@@ -1,9 +1,10 @@
 """A regressor that learns the difference between the exponent and linear theory from solved cells.
 
-Where the rotor is strongly damped (small bearing number) the linear decay rate is the exponent but
-for a few percent; where it whirls linear theory says nothing but that, and the exponent is near 0.
-So the baseline is the rate where it is negative, 0 elsewhere, and what remains is learnt times the
-bearing number, in which it is smooth: exponents grow as 1/bearing number."""
+At small bearing numbers the rotor is strongly damped and the linear decay rate equals the exponent
+within a few percent. Where the rotor whirls, the exponent is near 0 and linear theory gives no
+value. So the baseline is the rate where it is negative and 0 elsewhere. The trees learn the
+remainder times the bearing number, which is smooth because exponents grow as 1/bearing number.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +18,8 @@ TREES = 100
 
 
 def baseline(features: np.ndarray) -> np.ndarray:
-    """Exponent by linear theory, (n,), per revolution, from features (n, 6): the rate of decay, 0
-    where the rotor whirls.
+    """Return the exponent by linear theory, (n,), per revolution, from features (n, 6): the rate of
+    decay, 0 where the rotor whirls.
     """
     rate: np.ndarray = np.minimum(features[:, FEATURES.index("linear rate")], 0.0)
     return rate
@@ -61,7 +62,7 @@ class TheoryTrees(RegressorMixin, BaseEstimator):
         return self
 
     def predict(self, X: np.ndarray) -> np.ndarray:
-        """Exponents (n,) at X (n, 2)."""
+        """Return exponents (n,) at X (n, 2)."""
         number, features, linear = self._prepare(X)
         found: np.ndarray = linear + self.trees_.predict(features) / number
         return found

@@ -1,13 +1,14 @@
-"""How sure a surrogate is: conformal intervals of the exponent and a calibrated probability that a
-point is unstable.
+"""Uncertainty of a surrogate: conformal intervals of the exponent and a calibrated probability that
+a point is unstable.
 
 Unstable means that the exponent is not negative: the motion is not periodic, but quasi-periodic or
 chaotic.
 
-A quarter of the training cells is not trained on: how wrong the model is there sets the width of
-the intervals (split conformal prediction, the library crepes), for each predicted regime apart
-(Mondrian) and in proportion to how much the training cells around a point differ. Cells drawn at
-random from the same plane are then covered nine times in ten."""
+A quarter of the training cells is kept for calibration: the model's errors there set the width of
+the intervals (split conformal prediction, the library crepes), separately for each predicted regime
+(Mondrian) and in proportion to the spread of the training cells around a point. The intervals then
+cover nine in ten cells drawn at random from the same plane.
+"""
 
 from __future__ import annotations
 
@@ -47,17 +48,17 @@ _NEIGHBOURS = 12
 
 
 class TooFewCells(InputError):
-    """Training cells that leave too few to calibrate with."""
+    """Too few training cells to keep some for calibration."""
 
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """What :func:`calibrate` learnt.
+    """Result of :func:`calibrate`.
 
     Attributes
     ----------
     surrogate : Surrogate
-        Trained on three quarters of the training cells: the intervals are its.
+        Trained on three quarters of the training cells; the intervals are around its predictions.
     classifier : RegimeTrees
         Trained on the same cells.
     calibration_cells : int
@@ -75,8 +76,8 @@ class Uncertainty:
     def intervals(
         self, bearing_number: np.ndarray, rotor_mass: np.ndarray, confidence: float = CONFIDENCE
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper bounds of the exponent per revolution, at points given by arrays (n,),
-        rotor mass in kg.
+        """Return lower and upper bounds of the exponent per revolution, at points given by arrays
+        (n,), rotor mass in kg.
         """
         inputs = np.column_stack([bearing_number, rotor_mass]).astype(float)
         bins = self._bins[self.classifier.predict_proba(inputs).argmax(axis=1)]
@@ -87,8 +88,8 @@ class Uncertainty:
         return found[:, 0], found[:, 1]
 
     def unstable(self, bearing_number: np.ndarray, rotor_mass: np.ndarray) -> np.ndarray:
-        """Probability (n,) that a point is not periodic, at points given by arrays (n,), rotor mass
-        in kg.
+        """Return the probability (n,) that a point is not periodic, at points given by arrays (n,),
+        rotor mass in kg.
         """
         inputs = np.column_stack([bearing_number, rotor_mass]).astype(float)
         found: np.ndarray = self._unstable.predict(
@@ -121,7 +122,7 @@ def calibrate(
     table : LinearTable
         Of the design; left out: the reference design's.
     trained : Surrogate and RegimeTrees
-        Trained on these three quarters before; left out: trained now.
+        Already trained on these three quarters; left out: train them.
 
     Returns
     -------
@@ -159,10 +160,10 @@ def calibrate(
     )
     probability = classifier.predict_proba(inputs[held])
     predicted = probability.argmax(axis=1)
-    enough = np.bincount(predicted, minlength=len(REGIMES)).min() >= MIN_CALIBRATION
-    bins = (
-        np.arange(len(REGIMES)) if enough else np.zeros(len(REGIMES), int)
-    )  # too few of one regime: all share one width
+    # undecided cells are few: they share the width of the chaotic ones
+    bins = np.minimum(np.arange(len(REGIMES)), REGIMES.index("chaotic"))
+    if np.bincount(bins[predicted], minlength=bins.max() + 1).min() < MIN_CALIBRATION:
+        bins = np.zeros(len(REGIMES), int)  # too few of one regime: all share one width
     conformal = ConformalRegressor().fit(
         mle[held] - surrogate.predict(*inputs[held].T),
         bins=bins[predicted],
@@ -200,10 +201,10 @@ def certainty(
     Parameters
     ----------
     m, kind, divisor, seed
-        As there.
+        As in :func:`uncertain_map`.
     trained : Surrogate, RegimeTrees and RegimeTrees
-        Trained before: the first two on three quarters of the training cells, the last on all; left
-        out: trained now.
+        Already trained: the first two on three quarters of the training cells, the last on all of
+        them; left out: train them.
 
     Raises
     ------
@@ -250,7 +251,7 @@ class MapIntervals:
 
 @dataclass(frozen=True)
 class MapUncertainty(MapIntervals):
-    """The same with what was trained for it.
+    """The same, with the trained models.
 
     Attributes
     ----------
@@ -274,7 +275,7 @@ def uncertain_map(
     progress: Callable[[int], None] = lambda steps: None,
     known: Certainty | None = None,
 ) -> MapUncertainty:
-    """Regimes, intervals and probabilities of a map from the training cells of
+    """Predict regimes, intervals and probabilities of a map from the training cells of
     ``surrogates.predict_map``.
 
     Parameters
@@ -284,15 +285,15 @@ def uncertain_map(
     divisor, seed, split
         As in ``surrogates.predict_map``.
     progress : callable
-        Called with the steps done since the last call, :data:`STEPS` in all.
+        Called with the number of steps done since the last call, :data:`STEPS` in total.
     known : Certainty
-        Of the same cells; left out: trained and calibrated now.
+        Models trained on the same cells; left out: train and calibrate them.
 
     Raises
     ------
     TooFewCells
     InputError
-        For a split that cannot be made.
+        If the cells cannot be split so.
     """
     regimes = predict_regimes(m, divisor, seed, split, known.regimes if known else None)
     progress(1)
@@ -356,7 +357,7 @@ def load_intervals(path: str | Path, m: StabilityMap) -> MapIntervals:
     Raises
     ------
     InputError
-        For a file that is none, or does not fit the map.
+        For a file of another kind, or of another map.
     """
     found = load(path, _SCHEMA, dict(zip(_CELL, m.shape, strict=True)))
     return MapIntervals(**found | {"seconds": float(found["seconds"])})
@@ -365,7 +366,7 @@ def load_intervals(path: str | Path, m: StabilityMap) -> MapIntervals:
 def reliability(
     unstable: np.ndarray, probability: np.ndarray, bins: int = 10
 ) -> tuple[pd.DataFrame, float]:
-    """How often points are unstable that are said to be so with a given probability.
+    """Compare the predicted probability of instability with the observed share of unstable points.
 
     Parameters
     ----------
@@ -380,7 +381,7 @@ def reliability(
         A row for each bin that is not empty: ``low``, ``high``, ``cells``, ``predicted`` (mean
         probability) and ``observed`` (share of unstable points).
     float
-        Expected calibration error: mean over the cells of the difference of the two.
+        Expected calibration error: mean over the cells of the difference between the two.
     """
     which = np.minimum((np.asarray(probability) * bins).astype(int), bins - 1)
     rows = []

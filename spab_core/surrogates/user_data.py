@@ -1,5 +1,5 @@
-"""Exponents from elsewhere, measured or computed by others: read from CSV, to train and rank the
-surrogates on.
+"""Read exponents that were measured or computed elsewhere from CSV; train and rank surrogates on
+them.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def read_samples(data: bytes) -> Samples:
     ----------
     data : bytes
         UTF-8 text, a line of names first; names as in :data:`COLUMNS`, in upper or lower case.
-        Other columns are left alone, rows with an empty exponent left out.
+        Other columns are ignored, rows with an empty exponent are left out.
 
     Returns
     -------
@@ -92,8 +92,8 @@ def read_samples(data: bytes) -> Samples:
     Raises
     ------
     InputError
-        For a file too large, that is no such table, or holds a value out of range; the message
-        names column and row.
+        For a file that is too large, is no such table, or holds a value out of range; the message
+        names column and line.
     """
     if len(data) > MAX_BYTES:
         raise InputError(f"the file has {len(data):,} bytes: allowed are at most {MAX_BYTES:,}")
@@ -133,9 +133,8 @@ def read_samples(data: bytes) -> Samples:
     if len(first) < len(inputs):
         row = int(np.setdiff1d(np.arange(len(inputs)), first)[0])
         raise InputError(
-            f"the point bearing number {inputs[row, 0]:g}, rotor mass {inputs[row, 1]:g} kg "
-            "stands twice in "
-            "the table"
+            f"the point bearing number {inputs[row, 0]:g}, rotor mass {inputs[row, 1]:g} kg stands "
+            "twice in the table"
         )
     if not np.ptp(inputs, axis=0).all():
         raise InputError(
@@ -145,14 +144,14 @@ def read_samples(data: bytes) -> Samples:
 
 
 def samples_bytes(samples: Samples) -> bytes:
-    """Samples as the bytes of an NPZ file."""
+    """Return samples as the bytes of an NPZ file."""
     return npz_bytes(
         {"inputs": samples.inputs, "mle": samples.mle, "left_out": np.array(samples.left_out)}
     )
 
 
 def load_samples(path: Path) -> Samples:
-    """Read what :func:`samples_bytes` gave from a file.
+    """Read a file of :func:`samples_bytes`.
 
     Raises ``InputError`` for any other file.
     """
@@ -184,13 +183,14 @@ def rank_samples(
     *,
     progress: Callable[[int], None] | None = None,
 ) -> pd.DataFrame:
-    """Scores of models x training fractions x draws on the samples, by the paper's protocol.
+    """Score each combination of model, training fraction and seed on the samples, by the paper's
+    protocol.
 
     Parameters
     ----------
     samples : Samples
     design : Design
-        Whose linear theory the models that know it start from.
+        Its linear theory is the start of models that use it.
     models, divisors, seeds
         As in ``metrics.evaluate``; fractions that leave too few points to train on are left out.
     progress : callable

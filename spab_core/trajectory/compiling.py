@@ -78,7 +78,7 @@ def compile_once(settings: Settings = USUAL) -> None:
             # first: pages with linear theory alone need not wait for the rest
             derive(reference_design(), 4.0, 3.0)
         if not is_compiled(settings):
-            short = dataclasses.replace(settings, transient=0, revolutions=20)
+            short = dataclasses.replace(settings, transient=30, revolutions=20)
             solve_point(reference_design(), 4.0, 3.0, short)
 
 

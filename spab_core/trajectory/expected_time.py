@@ -1,20 +1,20 @@
 """How long a point takes, told before it is solved: fits to runs on one core (docs/numerics.md,
-benchmarks/live.py).
+``benchmarks/live.py --costs``).
 """
 
 from __future__ import annotations
 
-from spab_core.solver.simd import HALF, WIDTH
+from spab_core.design.model import reference_design
+from spab_core.solver.film import AUTO, MORE_AZIMUTHS, suitable_mesh
 from spab_core.trajectory.settings import Settings
 
-# seconds a column, of a revolution and of a step, for up to 4, 8 and 16 latitudes: the width of a
-# compiled row
-_COLUMN = {"rodas": (15e-6, 55e-6, 250e-6), "dtm": (0.55e-6, 1.7e-6, 6e-6)}
-# dtm's steps are limited by diffusion in the film: steps by latitudes and azimuths, and the bearing
-# number under which they shrink
-_LATITUDE = 8.0
-_AZIMUTH = 0.057
-_LIMIT = 2.5
+# seconds a revolution of some 25 steps of rodas: for each node, and for each inverse or product of
+# blocks of N x N in the linear system, over N³; a fourth above the middle of what was measured
+_NODE, _BLOCK = 3.2e-6, 1e-9
+# seconds a step of dtm for each node; its steps a revolution, limited by diffusion in the film,
+# times the bearing number: for the fourth power of the latitudes and the square of the azimuths
+_EXPLICIT_NODE = 0.11e-6
+_LATITUDES, _AZIMUTHS = 22.0, 1.1
 
 
 def expected_seconds(settings: Settings, bearing_number: float) -> float:
@@ -23,15 +23,15 @@ def expected_seconds(settings: Settings, bearing_number: float) -> float:
     Parameters
     ----------
     settings : Settings
+        The mesh ``auto`` counts as that of the reference design with more azimuths.
     bearing_number : float
         The explicit method's steps shrink with it.
     """
-    m, n = settings.mesh
-    seconds = (
-        n
-        * _COLUMN[settings.method][(m > HALF) + (m > WIDTH)]
-        * (settings.transient + settings.revolutions)
-    )
+    mesh = settings.mesh
+    m, n = suitable_mesh(reference_design(), MORE_AZIMUTHS) if mesh == AUTO else mesh
     if settings.method == "dtm":
-        seconds *= (_LATITUDE * m**3.4 + _AZIMUTH * n**2) * (1.0 + _LIMIT / bearing_number)
-    return seconds
+        steps = (_LATITUDES * m**4 + _AZIMUTHS * n**2) / bearing_number
+        revolution = _EXPLICIT_NODE * m * n * steps
+    else:  # inverses, and products for all pairs of latitudes after each
+        revolution = _NODE * m * n + _BLOCK * n**3 * (m + m * (m - 1) * (m - 2) / 3)
+    return revolution * (settings.transient + settings.revolutions)

@@ -29,7 +29,8 @@ class Exponent:
     standard_error : float
         Of the mean, by batch means.
     trace : ndarray, (revolutions,)
-        Running estimate after each measured revolution.
+        Running estimate after each measured revolution; of a settled orbit, after each product with
+        its monodromy matrix.
     """
 
     value: float
@@ -68,12 +69,12 @@ def exponent(growth: np.ndarray, settled: Settled | None = None) -> Exponent | N
     The error is that of the means of about :data:`BATCHES` consecutive batches, which keeps its
     meaning where successive revolutions are correlated (Law and Kelton, Simulation Modeling and
     Analysis, section 9.5.3)."""
+    if settled is not None:
+        return Exponent(settled.rate, settled.error, np.array(settled.history or (settled.rate,)))
     n = len(growth)
     if n < 2 or not np.all(np.isfinite(growth)):
         return None
     trace = np.cumsum(growth) / np.arange(1, n + 1)
-    if settled is not None:
-        return Exponent(settled.rate, settled.error, trace)
     size = max(n // BATCHES, 1)
     if n >= 5 * _CYCLE:
         size = max(size - size % _CYCLE, _CYCLE)

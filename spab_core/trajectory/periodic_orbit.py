@@ -1,13 +1,13 @@
 """When a run has settled on a periodic orbit: its leading Floquet multiplier, which is its exponent
 for all time.
 
-Near a periodic orbit of n revolutions the tangents a period apart obey v[k + 1] = A v[k] with one
-and the same monodromy A. After some revolutions few modes are left, and consecutive tangents
-satisfy a linear recurrence whose roots are the leading multipliers (Krylov, 1931: the same idea as
-Arnoldi's method and dynamic mode decomposition). An orbit that repeats and whose multipliers lie
-inside the unit circle attracts: running on cannot change the answer, so the run may stop. One with
-a multiplier outside is unstable: no rotor stays there, and a run that came close is pushed off
-(:func:`push`).
+Near a periodic orbit of n revolutions a tangent n revolutions later is the image of the first by
+one and the same monodromy matrix. Arnoldi's process (Saad, Numerical Methods for Large Eigenvalue
+Problems, chapter 6) finds that matrix's leading multiplier from a few products with it: it starts
+from a generic vector, so that no mode is hidden, however small the run has left it, and its
+residual bounds the error. An orbit that repeats and whose multipliers lie inside the unit circle
+attracts: running on cannot change the answer, so the run may stop. One with a multiplier outside
+is unstable: no rotor stays there, and a run that came close is pushed off (:func:`push`).
 
 Vibrations far faster than the rotation (:func:`swift_mode`) are damped by long implicit steps;
 their rates are those of the linearised system as it stands, which such a vibration outruns."""
@@ -15,6 +15,7 @@ their rates are those of the linearised system as it stands, which such a vibrat
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,16 +23,19 @@ import numpy as np
 from spab_core.common.threads import one_thread
 
 MAX_PERIOD = 16
-CHECK_EVERY = 12  # revolutions
-NEAR = 3e-3  # mismatch of the section, over C, from which on the tangent is worth its cost
-DISTANCE = 5e-4  # largest distance of a settled orbit from its limit, over C
-_RESIDUAL = 2e-3  # of the recurrence
+CHECK_EVERY = 6  # revolutions
+REPEATS = 12  # revolutions, at least, over which an orbit must repeat
+SECTION = 80  # last section points that tell an orbit that repeats
+NEAR = 5e-4  # mismatch of the section, over C, within which an orbit repeats
+REACH = 5e-3  # distance, over C, within which Newton's method is led to the orbit
+DISTANCE = 1e-3  # largest distance of a settled run from its own limit, over C
 UNSTABLE = 0.001  # rate per revolution from which on a repeating orbit is called unstable
 PUSH = 0.05  # off an unstable orbit: displacement over C, and relative change of the gas content
-_ORDERS = 4  # most modes told apart
-_FITS = 4  # successive tangents that must obey the same recurrence
 SWIFT = 10.0  # over the shaft speed: frequency from which on steps need not follow a vibration
-MEMORY = MAX_PERIOD * (_FITS + 1)  # tangents worth keeping
+_FEWEST, _MOST = 3, 16  # products with the monodromy matrix
+# share of a multiplier by which it may be off when the process ends
+_RESIDUAL = 1e-3
+DOUBT = 0.1
 
 
 @dataclass(frozen=True)
@@ -46,17 +50,62 @@ class Settled:
         Natural log of the leading multiplier's magnitude, per revolution: the maximum Lyapunov
         exponent.
     error : float
-        Change of ``rate`` since the check before.
+        Of ``rate``: residual of Arnoldi's process, and change by steps half as long.
+    history : tuple of float
+        Estimates of ``rate`` after one, two, ... products with the monodromy matrix.
     """
 
     period: int
     rate: float
     error: float
+    history: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Multiplier:
+    """The leading multiplier of a monodromy matrix.
+
+    Attributes
+    ----------
+    value : complex
+        One of the pair where it is complex.
+    direction : ndarray, (n,)
+        Real part of its eigenvector.
+    error : float
+        Bound to first order of ``value``'s error by the residual, over its magnitude.
+    history : tuple of float
+        Natural log of its magnitude after one, two, ... products.
+    basis, hessenberg : ndarray, (m, n), (m, m)
+        Orthonormal vectors, and the matrix between them.
+    fresh : ndarray, (n,)
+        A start for a second look: all that the process has seen in equal parts, what it left out
+        beside them, so that a mode that the first start hardly held comes to the fore.
+    """
+
+    value: complex
+    direction: np.ndarray
+    error: float
+    history: tuple[float, ...]
+    basis: np.ndarray
+    hessenberg: np.ndarray
+    fresh: np.ndarray
+
+    def to_limit(self, gap: np.ndarray) -> np.ndarray:
+        """Vector to the orbit's limit from a state that moves by ``gap`` in a period.
+
+        Newton's step in the modes that the process has seen; the others die within a period
+        (Shroff and Keller, SIAM J. Numer. Anal. 30, 1993)."""
+        h = self.hessenberg
+        share = np.einsum("ij,j->i", h, np.einsum("ij,j->i", self.basis, gap))
+        return gap + np.einsum("i,ij->j", np.linalg.solve(np.eye(len(h)) - h, share), self.basis)
+
+
+Product = Callable[[np.ndarray], "np.ndarray | None"]
 
 
 def window(period: int) -> int:
     """Revolutions, whole periods, over which an orbit must repeat."""
-    return period * max(2, -(-CHECK_EVERY // period))
+    return period * max(2, -(-REPEATS // period))
 
 
 def repeat_distances(section: np.ndarray, period: int) -> np.ndarray:
@@ -99,134 +148,93 @@ def possible_periods(section: np.ndarray, limit: float) -> list[int]:
     return [int(period) for period in np.flatnonzero(distance[::-1] <= limit) + 1]
 
 
-def is_near(section: np.ndarray) -> bool:
-    """Whether the section comes close to repeating after at most 16 revolutions."""
-    return any(mismatch(section, period) < NEAR for period in possible_periods(section, NEAR))
-
-
-def leading_rate(tangent: np.ndarray, growth: np.ndarray, period: int) -> float | None:
-    """Log of the leading multiplier's magnitude, per revolution.
-
-    Parameters
-    ----------
-    tangent : ndarray, (revolutions, n)
-        Unit tangents at the ends of consecutive revolutions.
-    growth : ndarray, (revolutions,)
-        Natural log of the tangent's growth in each revolution.
-    period : int
-
-    Returns
-    -------
-    float or None
-        None where no recurrence of order 4 or less holds yet.
+def distance(gap: float, rate: float, period: int) -> float:
+    """Distance to its limit of a run that moves by ``gap`` in a period and decays at ``rate``, a
+    negative one, per revolution.
     """
-    log_size = np.cumsum(growth)
-    for order in range(1, _ORDERS + 1):
-        count = _FITS + order
-        if len(tangent) < (count - 1) * period + 1:
-            return None
-        at = len(tangent) - 1 - period * np.arange(count)[::-1]
-        rows, right = [], []
-        for k in range(_FITS):
-            chosen = at[k : k + order + 1]
-            sizes = np.exp(np.clip(log_size[chosen] - log_size[chosen[-1]], -300.0, 300.0))
-            rows.append((tangent[chosen[:-1]] * sizes[:-1, None]).T)
-            right.append(tangent[chosen[-1]])
-        # normal equations by einsum: the same bits whatever number of threads the linear algebra
-        # library takes
-        a, b = np.concatenate(rows), np.concatenate(right)
-        scale = np.sqrt(np.einsum("ik,ik->k", a, a))
-        if not (np.isfinite(scale).all() and scale.all()):
-            return None
-        a /= scale
-        gram, moment = np.einsum("ik,il->kl", a, a), np.einsum("ik,i->k", a, b)
-        try:
-            x = np.linalg.solve(gram, moment)
-        except np.linalg.LinAlgError:
-            return None
-        wrong = b - np.einsum("ik,k->i", a, x)
-        if np.einsum("i,i", wrong, wrong) < _RESIDUAL**2 * np.einsum("i,i", b, b):
-            roots = np.roots(np.concatenate([[1.0], -(x / scale)[::-1]]))
-            largest = float(np.abs(roots).max()) if len(roots) else 0.0
-            return math.log(largest) / period if largest > 0.0 else None
-    return None
-
-
-def find_settled(
-    section: np.ndarray, tangent: np.ndarray, growth: np.ndarray, rates: dict[int, float]
-) -> Settled | None:
-    """The periodic orbit that a run has reached, if it has.
-
-    The smallest period whose section mismatch, divided by one less the leading multiplier, the
-    distance to the limit, is under :data:`DISTANCE`, with a negative rate that has not changed by
-    more than 1 % and 0.001 since the check before; or one as close with a rate over
-    :data:`UNSTABLE`.
-
-    Parameters
-    ----------
-    section, tangent, growth : ndarray
-        Of the last revolutions, all ending at the same one.
-    rates : dict
-        Rates by period at the check before; replaced by those found now.
-
-    Returns
-    -------
-    Settled or None
-    """
-    before = dict(rates)
-    rates.clear()
-    for period in possible_periods(section, DISTANCE):
-        gap = mismatch(section, period)
-        if gap > DISTANCE:
-            continue
-        rate = leading_rate(tangent, growth, period)
-        if rate is None:
-            continue
-        rates[period] = rate
-        if (
-            period not in before
-            or (rate < 0.0 and gap > -math.expm1(period * rate) * DISTANCE)
-            or 0.0 <= rate < UNSTABLE
-        ):
-            continue
-        change = abs(rate - before[period])
-        if change < 0.001 + 0.01 * abs(rate):
-            return Settled(period, rate, change)
-    return None
+    return gap / -math.expm1(period * rate)
 
 
 def repeating_period(section: np.ndarray) -> int | None:
-    """The smallest period after which the section repeats within :data:`DISTANCE`; None where it
+    """The smallest period after which the section repeats within :data:`NEAR`; None where it
     does not.
     """
+    return next((p for p in possible_periods(section, NEAR) if mismatch(section, p) <= NEAR), None)
+
+
+def shortest_period(section: np.ndarray) -> int:
+    """The smallest period of an orbit that repeats after as many revolutions as ``section`` has
+    points: one that is approached from alternating sides repeats sooner in the limit.
+    """
+    count = len(section)
     return next(
-        (p for p in possible_periods(section, DISTANCE) if mismatch(section, p) <= DISTANCE), None
+        d
+        for d in range(1, count + 1)
+        if count % d == 0 and np.abs(np.roll(section, d, axis=0) - section)[:, :4].max() <= NEAR
     )
 
 
-def strong_rate(tangent: np.ndarray, growth: np.ndarray, period: int) -> Settled:
-    """The rate of a strongly damped orbit, from tangents on fine steps of which the first half
-    aligns.
-
-    The leading multiplier where successive tangents obey a recurrence, else the mean growth in the
-    second half.
+def leading_multiplier(product: Product, start: np.ndarray) -> Multiplier | None:
+    """Find the leading eigenvalue of a matrix by Arnoldi's process, each vector orthogonalised
+    twice.
 
     Parameters
     ----------
-    tangent : ndarray, (revolutions, n)
-    growth : ndarray, (revolutions,)
-    period : int
+    product : callable
+        Multiplies a vector by the matrix; None where that fails.
+    start : ndarray, (n,)
+        Generic: with a part along every eigenvector.
+
+    Returns
+    -------
+    Multiplier or None
+        None where a product fails or vanishes, or the eigenvalue has not come to rest after 16.
     """
-    mean = float(growth[len(growth) // 2 :].mean())
-    rate, before = (
-        leading_rate(tangent, growth, period),
-        leading_rate(tangent[:-1], growth[:-1], period),
-    )
-    if rate is None or before is None or abs(rate - mean) > 0.1 * abs(mean):
-        return Settled(
-            period, mean, float(growth[len(growth) // 2 :].std(ddof=1) / math.sqrt(len(growth) / 2))
-        )
-    return Settled(period, rate, abs(rate - before))
+    basis = (start / _norm(start))[None]
+    hessenberg = np.zeros((_MOST + 1, _MOST))
+    history: list[float] = []
+    for k in range(_MOST):
+        image = product(basis[k])
+        if image is None:
+            return None
+        for _ in range(2):  # by einsum: the same bits whatever number of threads
+            share = np.einsum("ij,j->i", basis, image)
+            image = image - np.einsum("i,ij->j", share, basis)
+            hessenberg[: k + 1, k] += share
+        rest = hessenberg[k + 1, k] = _norm(image)
+        found = _leading(hessenberg[: k + 1, : k + 1], rest)
+        if found is None:
+            return None
+        value, vector, error = found
+        history.append(math.log(abs(value)))
+        settled = k + 1 >= _FEWEST and abs(history[-1] - history[-2]) <= 10.0 * _RESIDUAL
+        if rest == 0.0 or (settled and error <= _RESIDUAL):
+            direction = np.einsum("i,ij->j", vector.real, basis)
+            h = hessenberg[: k + 1, : k + 1]
+            fresh = direction / _norm(direction) + DOUBT * image / max(rest, 1e-300)
+            return Multiplier(value, direction, error, tuple(history), basis, h, fresh)
+        basis = np.concatenate([basis, (image / rest)[None]])
+    return None
+
+
+def _norm(vector: np.ndarray) -> float:
+    return math.sqrt(np.einsum("i,i", vector, vector))
+
+
+def _leading(h: np.ndarray, rest: float) -> tuple[complex, np.ndarray, float] | None:
+    """Return the largest eigenvalue of ``h`` with its eigenvector and relative error,
+    the length ``rest`` of the next vector being left out; None where all vanish.
+    """
+    values, vectors = np.linalg.eig(h)
+    first = np.abs(values).argmax()
+    if not abs(values[first]) > 0.0:
+        return None
+    try:
+        condition = float(np.linalg.norm(np.linalg.inv(vectors)[first]))
+    except np.linalg.LinAlgError:  # two eigenvectors are one
+        condition = math.inf
+    error = rest * abs(vectors[-1, first]) * condition / abs(values[first])
+    return complex(values[first]), vectors[:, first], error
 
 
 @one_thread

@@ -1,15 +1,18 @@
-"""One operating point answered: trajectory, exponent and regime together, in words and as a record."""
+"""One operating point: trajectory, exponent and regime together, in words and as a record."""
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from spab_core.common.errors import InputError
 from spab_core.design.model import Design
-from spab_core.solver.stepping import STATUS_TEXT
+from spab_core.linear_theory.summary import Derived, derive
+from spab_core.trajectory.assessment import DEFAULT_LIMITS, Assessment, Limits, Motion, assess
 from spab_core.trajectory.lyapunov import Exponent, exponent
 from spab_core.trajectory.regimes import Regime, classify
 from spab_core.trajectory.run import Progress, Trajectory, simulate
@@ -43,9 +46,37 @@ class OperatingPoint:
 
     @property
     def contact_share(self) -> float:
-        """Share of the measured time at an eccentricity above 0.9; nan where nothing was measured."""
-        contact = self.trajectory.contact
-        return min(float(contact.mean()), 1.0) if len(contact) else float("nan")
+        """Share of the measured time in contact, by force
+        (:func:`~spab_core.solver.rotor.contact_eccentricity`); nan if none was measured.
+        """
+        return _share(self.trajectory.contact)
+
+    @property
+    def thin_film_share(self) -> float:
+        """Share of the measured time at an eccentricity above 0.9; nan if none was measured."""
+        return _share(self.trajectory.thin)
+
+    @property
+    def peak_contact_force(self) -> float:
+        """Largest normal force of the asperities, N; nan where nothing was measured."""
+        force = self.trajectory.force
+        return self.design.force_unit * float(force.max()) if len(force) else math.nan
+
+    @property
+    def least_film(self) -> float:
+        """Least film thickness, m: at the equator, where the journal is nearest to the wall."""
+        return self.design.bearing.clearance * (1.0 - self.max_eccentricity)
+
+    @property
+    def orbit_amplitude(self) -> float:
+        """Half the longer side of the rectangle around the journal's orbit, over C; nan where
+        nothing was measured.
+        """
+        box = self.trajectory.box
+        if not len(box):
+            return math.nan
+        sides = box[:, 1::2].max(axis=0) - box[:, ::2].min(axis=0)
+        return 0.5 * float(sides.max())
 
     @property
     def max_eccentricity(self) -> float:
@@ -53,8 +84,9 @@ class OperatingPoint:
         peak = self.trajectory.peak
         return float(peak.max()) if len(peak) else float("nan")
 
-    def record(self) -> dict[str, Any]:
+    def record(self, limits: Limits = DEFAULT_LIMITS) -> dict[str, Any]:
         """The answer as plain values; the keys are those of ``spab simulate --json``."""
+        judged = self.assessment(limits)
 
         def number(value: float) -> float | None:
             return None if math.isnan(value) else value
@@ -69,26 +101,60 @@ class OperatingPoint:
             "regime": self.regime.name if self.regime else None,
             "period": self.regime.period or None if self.regime else None,
             "contact_share": number(self.contact_share),
+            "thin_film_share": number(self.thin_film_share),
+            "peak_contact_force_n": number(self.peak_contact_force),
             "max_eccentricity": number(self.max_eccentricity),
+            "least_film_m": number(self.least_film),
+            "orbit_amplitude": number(self.orbit_amplitude),
+            "assessment": judged.grade,
+            "assessment_reasons": list(judged.reasons),
+            "rest": judged.rest,
             "status": self.trajectory.status,
-            "mesh": str(self.settings.mesh),
+            "mesh": str(self.trajectory.mesh),
             "revolutions": self.trajectory.completed,
+            "pushed": self.trajectory.pushed,
             "wall_seconds": self.trajectory.wall_seconds,
         }
 
-    def verdict(self) -> str:
-        """One sentence for a designer."""
-        if self.regime is None or self.mle is None:
-            return f"No exponent: {STATUS_TEXT[self.trajectory.status]}."
-        if self.regime.name == "quasi-periodic" and abs(self.mle.value) > 0.01:
-            return (
-                f"Undecided: the orbit does not repeat and its exponent, {self.mle.value:+.3f} ± "
-                f"{self.mle.standard_error:.3f}, is not clearly zero; measure more revolutions."
-            )
-        text = self.regime.sentence
-        if self.contact_share >= 0.0005:
-            text += f"; {100.0 * self.contact_share:.1f} % of the time the film is thinner than a tenth of the clearance"
-        return text + "."
+    @functools.cached_property
+    def rest(self) -> Derived | None:
+        """What linear theory says of the static equilibrium; None where it says nothing."""
+        try:
+            return derive(self.design, self.rotor_mass, self.bearing_number)
+        except (InputError, np.linalg.LinAlgError):
+            return None
+
+    @property
+    def motion(self) -> Motion:
+        """What a motion is judged by."""
+        return Motion(
+            self.regime.name if self.regime else "",
+            self.regime.period if self.regime else 0,
+            self.trajectory.status,
+            self.contact_share,
+            self.max_eccentricity,
+            self.orbit_amplitude,
+            self.thin_film_share,
+        )
+
+    def assessment(self, limits: Limits = DEFAULT_LIMITS) -> Assessment:
+        """Judge motion and equilibrium by a designer's limits."""
+        return assess(self.design, self.motion, self.rest, limits)
+
+    def verdict(self, limits: Limits = DEFAULT_LIMITS) -> str:
+        """What a designer needs to know, in a sentence or two: the motion and what it is worth."""
+        return f"{self.assessment(limits).motion} {self.push_words()}".strip()
+
+    def push_words(self) -> str:
+        """A sentence where the run was pushed off an unstable orbit, else nothing."""
+        pushed = self.trajectory.pushed
+        if not pushed:
+            return ""
+        return f"Reached after a push off an unstable periodic orbit at revolution {pushed}."
+
+
+def _share(times: np.ndarray) -> float:
+    return min(float(times.mean()), 1.0) if len(times) else math.nan
 
 
 def solve_point(
@@ -103,7 +169,8 @@ def solve_point(
 ) -> OperatingPoint:
     """Solve one operating point: trajectory, exponent, regime.
 
-    Parameters are those of :func:`spab_core.trajectory.run.simulate`.
+    Parameters are those of :func:`spab_core.trajectory.run.simulate`; a cold start needs a
+    transient of at least 30 revolutions.
 
     Returns
     -------
@@ -112,11 +179,14 @@ def solve_point(
     Examples
     --------
     >>> from spab_core import reference_design, solve_point
-    >>> answer = solve_point(reference_design(), rotor_mass=18.0, bearing_number=4.5)  # doctest: +SKIP
+    >>> design = reference_design()
+    >>> answer = solve_point(design, rotor_mass=18.0, bearing_number=4.5)  # doctest: +SKIP
     >>> answer.regime.text, round(answer.mle.value, 2)  # doctest: +SKIP
     ('chaotic', 0.39)
     """
     settings = settings or Settings()
+    if start is None:
+        settings.check_cold_start()
     trajectory = simulate(
         design,
         rotor_mass,
@@ -127,7 +197,7 @@ def solve_point(
         progress=progress,
     )
     mle = exponent(trajectory.growth, trajectory.settled) if trajectory.status == "ok" else None
-    regime = classify(trajectory.section, mle) if mle else None
+    regime = classify(trajectory.section, mle, trajectory.settled) if mle else None
     return OperatingPoint(
         design, float(rotor_mass), float(bearing_number), settings, trajectory, mle, regime
     )

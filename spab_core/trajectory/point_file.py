@@ -7,6 +7,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from spab_core.common.arrays import Array, Schema, load
 from spab_core.common.files import write_atomically
 from spab_core.common.npz import npz_bytes
 from spab_core.design.model import Design
+from spab_core.solver.film import parse_mesh
 from spab_core.solver.stepping import STATUS
 from spab_core.trajectory.lyapunov import Exponent
 from spab_core.trajectory.periodic_orbit import Settled
@@ -27,14 +29,17 @@ _ARRAYS = {  # of a Trajectory
     "section": Array(np.float64, ("revolution", 8)),
     "growth": Array(np.float64, ("tangent revolution",)),
     "contact": Array(np.float64, ("revolution",)),
+    "thin": Array(np.float64, ("revolution",)),
     "peak": Array(np.float64, ("revolution",)),
+    "force": Array(np.float64, ("revolution",)),
+    "box": Array(np.float64, ("revolution", 4)),
     "path": Array(np.float64, ("path revolution", "sample", 8)),
     "final": Array(np.float64, ("state",)),
 }
 _SCHEMA = Schema(
     "operating point",
     {**_ARRAYS, "trace": Array(np.float64, ("trace",))},
-    {"metadata": ("design", "settings", "status", "settled", "mle", "regime")},
+    {"metadata": ("design", "settings", "status", "mesh", "settled", "mle", "regime")},
 )
 
 
@@ -50,9 +55,11 @@ def point_arrays(point: OperatingPoint) -> dict[str, np.ndarray]:
         "bearing_number": point.bearing_number,
         "status": t.status,
         "completed": t.completed,
+        "mesh": str(t.mesh),
         "steps": t.steps,
         "wall_seconds": t.wall_seconds,
         "settled": dataclasses.asdict(t.settled) if t.settled else None,
+        "pushed": t.pushed,
         "mle": [point.mle.value, point.mle.standard_error] if point.mle else None,
         "regime": dataclasses.asdict(point.regime) if point.regime else None,
     }
@@ -60,6 +67,10 @@ def point_arrays(point: OperatingPoint) -> dict[str, np.ndarray]:
         "trace": point.mle.trace if point.mle else np.empty(0),
         "metadata": np.array(json.dumps(about)),
     }
+
+
+def _settled(about: dict[str, Any]) -> Settled:
+    return Settled(**about | {"history": tuple(about.get("history", ()))})
 
 
 def save_point(point: OperatingPoint, path: str | Path) -> None:
@@ -90,9 +101,11 @@ def load_point(path: str | Path) -> OperatingPoint:
             about["status"],
             int(about["completed"]),
             **arrays,
+            mesh=parse_mesh(about["mesh"]),
             steps=int(about["steps"]),
             wall_seconds=float(about["wall_seconds"]),
-            settled=Settled(**about["settled"]) if about["settled"] else None,
+            settled=_settled(about["settled"]) if about["settled"] else None,
+            pushed=int(about.get("pushed", 0)),
         )
         return OperatingPoint(
             Design.from_dict(about["design"]),

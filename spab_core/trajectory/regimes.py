@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from spab_core.trajectory.lyapunov import Exponent
-from spab_core.trajectory.periodic_orbit import MAX_PERIOD, repeat_distances
+from spab_core.trajectory.periodic_orbit import MAX_PERIOD, Settled, repeat_distances
 
-REGIMES = ("periodic", "quasi-periodic", "chaotic")
+REGIMES = ("periodic", "quasi-periodic", "chaotic", "undecided")
 NO_EXPONENT = "no exponent"  # what is told in place of a regime where a run failed; "" in arrays
 _WORDS = {
-    "quasi-periodic": "the orbit does not repeat; a whirl of its own frequency rides on the rotation",
+    "quasi-periodic": "the orbit does not repeat; a whirl of its own frequency rides on the "
+    "rotation",
     "chaotic": "the orbit never repeats and its loads are not predictable",
+    "undecided": "the orbit does not repeat, and its exponent is neither clearly zero nor clearly "
+    "positive; measure more revolutions",
 }
 SECTION_TOLERANCE = 1e-3  # over C
 _WINDOW = 60  # last section points looked at
-_CHAOS = 0.01  # smallest exponent called chaotic, per revolution
+_CHAOS = 0.01  # largest exponent of a torus, smallest called chaotic, per revolution
+# measured revolutions without which a motion that does not repeat is undecided
+FEWEST_REVOLUTIONS = 100
 
 
 @dataclass(frozen=True)
 class Regime:
-    """A regime: ``name`` of :data:`REGIMES`, and the ``period`` in revolutions (0 unless periodic)."""
+    """A regime: ``name`` of :data:`REGIMES`, ``period`` in revolutions (0 unless periodic)."""
 
     name: str
     period: int = 0
@@ -72,22 +78,37 @@ def _settling_period(section: np.ndarray) -> int:
     return 0
 
 
-def classify(section: np.ndarray, mle: Exponent) -> Regime:
+def classify(section: np.ndarray, mle: Exponent, settled: Settled | None = None) -> Regime:
     """Regime of a completed run (docs/model.md).
 
-    Chaotic where the exponent exceeds 0.01 per revolution and three standard errors, in the second
-    half of the measurement too (on a torus the tangent grows like the time: its rate fades);
-    periodic-n where the section repeats after n <= 16 revolutions, or still contracts to such a
-    cycle with a clearly negative exponent; else quasi-periodic.
+    Chaotic where the exponent exceeds 0.01 per revolution, three standard errors and what a torus
+    feigns: there the tangent grows like the time, by ln(1 + n) in n revolutions; in the second half
+    of the measurement it must exceed 0.01 too. Periodic-n where the section repeats after n <= 16
+    revolutions, or still contracts to such a cycle with a clearly negative exponent.
+    Quasi-periodic where the exponent is within 0.01 of zero. Else undecided, as is whatever does
+    not repeat in fewer than 100 measured revolutions. A run that settled is periodic.
 
     Parameters
     ----------
     section : ndarray, (revolutions, 8)
     mle : Exponent
+    settled : Settled
+        The periodic orbit on which the run stopped.
     """
-    if min(mle.value, mle.late) > _CHAOS and mle.value > 3.0 * mle.standard_error:
+    if settled is not None:
+        return Regime("periodic", settled.period)
+    n = len(mle.trace)
+    torus = math.log1p(n) / n
+    if (
+        n >= FEWEST_REVOLUTIONS
+        and min(mle.value, mle.late) > _CHAOS
+        and mle.value > max(3.0 * mle.standard_error, torus)
+    ):
         return Regime("chaotic")
     period = section_period(section)
     if not period and mle.value < -3.0 * mle.standard_error:
         period = _settling_period(section)
-    return Regime("periodic", period) if period else Regime("quasi-periodic")
+    if period:
+        return Regime("periodic", period)
+    zero = n >= FEWEST_REVOLUTIONS and abs(mle.value) <= _CHAOS
+    return Regime("quasi-periodic" if zero else "undecided")

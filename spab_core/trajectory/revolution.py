@@ -73,17 +73,17 @@ class Revolution:
     @property
     def angle(self) -> np.ndarray:
         """Shaft angle from 0 to 360, degrees."""
-        return np.degrees(self.tau - self.tau[0])
+        return np.asarray(np.degrees(self.tau - self.tau[0]))
 
     @property
     def thickness(self) -> np.ndarray:
         """Film thickness H at the nodes, over C, (K + 1, N, M)."""
-        return np.array([thickness(self.film, *q[:2]) for q in self.states])
+        return np.array([thickness(self.film, *q[:2]).T for q in self.states])
 
     @property
     def pressure(self) -> np.ndarray:
         """Pressure P at the nodes, over ambient, (K + 1, N, M)."""
-        return self.gas / self.thickness
+        return np.asarray(self.gas / self.thickness)
 
 
 def integrate_revolution(point: OperatingPoint, samples: int = 72) -> Revolution:
@@ -106,9 +106,7 @@ def integrate_revolution(point: OperatingPoint, samples: int = 72) -> Revolution
     if t.status != "ok":
         raise DesignError("the run did not complete: there is no film to show")
     settings = point.settings
-    system = build_system(
-        point.design, point.rotor_mass, point.bearing_number, settings.mesh, settings.scheme
-    )
+    system = build_system(point.design, point.rotor_mass, point.bearing_number, t.mesh)
     film, memory = system.film, build_memory(system.film)
     memory.state[:] = t.final
     options = Options(tolerance=min(TOLERANCE, settings.tolerance), period=REVOLUTION / samples)
@@ -131,7 +129,7 @@ def integrate_revolution(point: OperatingPoint, samples: int = 72) -> Revolution
         STATUS[status],
         tau,
         states,
-        np.array([film_array(film, u) for u in kept]),
+        np.array([film_array(film, u).T for u in kept]),
         film,
     )
 
@@ -150,11 +148,11 @@ def run_up(
     Parameters
     ----------
     settings : Settings
-        Its mesh, scheme and tolerance are taken; the integrator is ``rodas``.
+        Its mesh and tolerance are taken; the integrator is ``rodas``.
     revolutions, samples : int
         How many, and points of each. A run that fails ends there.
     """
-    system = build_system(design, rotor_mass, bearing_number, settings.mesh, settings.scheme)
+    system = build_system(design, rotor_mass, bearing_number, settings.mesh)
     record = build_record(revolutions, samples)
     advance(
         system,
@@ -164,7 +162,7 @@ def run_up(
         revolutions,
         record,
     )
-    path = record.path.reshape(-1, ROTOR_STATES)
+    path: np.ndarray = record.path.reshape(-1, ROTOR_STATES)
     path = path[np.isfinite(path[:, 0])]
     if design.rigid:
         path[:, 2:4], path[:, 6:8] = path[:, 0:2], path[:, 4:6]
@@ -187,7 +185,7 @@ def forces(revolution: Revolution) -> dict[str, np.ndarray]:
     ramp = np.minimum(r.tau / rotor.ramp, 1.0)
     eccentric = (1.0 - d.rotor.journal_mass_fraction) * mass * d.unbalance_number
     q = r.states
-    film = np.array([film_force(r.film, s, *x[:2]) for s, x in zip(r.gas, q, strict=True)])
+    film = np.array([film_force(r.film, s.T, *x[:2]) for s, x in zip(r.gas, q, strict=True)])
     contact = np.array([contact_force(rotor, *x[[0, 1, 4, 5]]) for x in q])
     shaft = (
         np.full((len(q), 2), math.nan)

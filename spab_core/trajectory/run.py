@@ -16,8 +16,8 @@ import numpy as np
 from spab_core.common.errors import DesignError, InputError
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
-from spab_core.linear_theory.equilibrium import MAX_DENSE_CELLS
 from spab_core.linear_theory.whirl import spectrum_of
+from spab_core.solver.film import AUTO, MORE_AZIMUTHS, Mesh, film_size, on_azimuths
 from spab_core.solver.rotor import RAMP_REVOLUTIONS, ROTOR_STATES, RotorCoefficients
 from spab_core.solver.slope import slope_and_jacobian
 from spab_core.solver.stepping import (
@@ -36,30 +36,30 @@ from spab_core.solver.stepping import (
     seek_step,
 )
 from spab_core.solver.system import System, build_system
+from spab_core.trajectory.lyapunov import exponent
 from spab_core.trajectory.periodic_orbit import (
     CHECK_EVERY,
-    MEMORY,
+    DISTANCE,
+    REACH,
+    SECTION,
     SWIFT,
     UNSTABLE,
     Settled,
-    find_settled,
-    is_near,
+    distance,
+    mismatch,
     push,
     repeating_period,
-    strong_rate,
     swift_mode,
     window,
 )
+from spab_core.trajectory.regimes import classify
 from spab_core.trajectory.settings import Settings
+from spab_core.trajectory.shooting import Shooting
 
 # last revolutions of the transient (at most half of it) in which the tangent already runs: on a
 # sheared torus it grows like the time, which leaves a bias of ln(1 + T/a)/T after T measured and a
 # aligning revolutions
 ALIGNMENT = 100
-# rate per revolution under which the tangent is measured again on finer steps
-STRONG = -2.0
-# of a revolution, in which such a tangent is measured again
-FINE_STEPS = 768
 # eccentricity from which on a run takes the smaller tolerance: errors are measured over the
 # clearance, not over the thin film
 THIN = 0.96
@@ -79,6 +79,8 @@ PER_SWING = 12
 # last revolutions of a run without a check: recording paths there must not change where the run
 # stops
 _ATTENTION = 50
+# times the revolutions asked for, over which a motion is measured that has no regime yet
+MOST_MEASURED = 4
 
 Progress = Callable[[int], None]
 
@@ -88,7 +90,7 @@ class Trajectory:
     """What one run gave. Lengths over C, time as tau = omega t.
 
     Arrays cover the measured revolutions. Where the run settled on a periodic orbit these are its
-    last whole periods, and ``growth`` covers all revolutions with a tangent.
+    last whole periods, and ``growth`` covers all revolutions with a tangent, if any.
 
     Attributes
     ----------
@@ -101,12 +103,18 @@ class Trajectory:
         Rotor state [X2, Y2, X1, Y1, X2', Y2', X1', Y1'] at tau = 2 pi k.
     growth : ndarray, (revolutions,)
         Natural log of the tangent's growth in each revolution.
-    contact : ndarray, (revolutions,)
-        Share of each revolution spent at an eccentricity above 0.9.
-    peak : ndarray, (revolutions,)
-        Largest eccentricity in each revolution.
+    contact, thin : ndarray, (revolutions,)
+        Share of each revolution in which the asperities carry more than a tenth of the load
+        (:func:`~spab_core.solver.rotor.contact_eccentricity`), and at an eccentricity above 0.9.
+    peak, force : ndarray, (revolutions,)
+        Largest eccentricity in each revolution, and largest normal force of the asperities over
+        p_a R².
+    box : ndarray, (revolutions, 4)
+        Least and largest X2, least and largest Y2.
     path : ndarray, (path revolutions, samples, 8)
         Rotor states in the last recorded revolutions.
+    mesh : Mesh
+        Of the film, at the end.
     steps : int
         Integration steps taken.
     wall_seconds : float
@@ -114,6 +122,8 @@ class Trajectory:
         State vector at the end: gas content of the film, then the rotor.
     settled : Settled or None
         The periodic orbit on which the run stopped early.
+    pushed : int
+        Revolution at which the run was pushed off an unstable periodic orbit, 0 if it was not.
     """
 
     status: str
@@ -121,12 +131,17 @@ class Trajectory:
     section: np.ndarray
     growth: np.ndarray
     contact: np.ndarray
+    thin: np.ndarray
     peak: np.ndarray
+    force: np.ndarray
+    box: np.ndarray
     path: np.ndarray
+    mesh: Mesh
     steps: int
     wall_seconds: float
     final: np.ndarray
     settled: Settled | None = None
+    pushed: int = 0
 
 
 def simulate(
@@ -173,13 +188,21 @@ def simulate(
     """
     check_point(rotor_mass, bearing_number)
     settings = settings or Settings()
-    system = build_system(design, rotor_mass, bearing_number, settings.mesh, settings.scheme)
 
     def start_run(max_step: float) -> Run:
-        return Run(design, system, settings, path_revolutions, samples, start, progress, max_step)
+        return Run(
+            design,
+            (rotor_mass, bearing_number),
+            settings,
+            path_revolutions,
+            samples,
+            start,
+            progress,
+            max_step,
+        )
 
     run = start_run(MAX_STEP)
-    if _out_of_steps(design, system, settings):
+    if _out_of_steps(design, run.system, settings):
         run.status = TOO_MANY_STEPS
         return run.pack()
     found = run.solve()
@@ -216,12 +239,15 @@ class Run:
     ----------
     design, settings, path_revolutions, samples, start, progress
         Those of :func:`simulate`.
-    system : System
+    point : tuple of float
+        Rotor mass in kg and bearing number.
     max_step : float
         Largest step in tau of ``rodas``.
 
     Attributes
     ----------
+    system : System
+        On the mesh taken so far.
     memory : Memory
         State, tangent and step control of the integrator.
     offset : int
@@ -234,6 +260,8 @@ class Run:
         Of the steps.
     careful : bool
         Whether the run has gone over to the smaller tolerance.
+    generic : ndarray
+        Tangent with a part along every mode.
     tangent : bool
         Whether the tangent runs.
     first_tangent : int
@@ -244,8 +272,8 @@ class Run:
         Rotor states of the last revolutions.
     settled : Settled or None
         The periodic orbit reached.
-    rates : dict
-        Leading rates by period at the last check.
+    reached : Settled or None
+        The one that the run nears.
     pushed : bool
         Whether the run has been pushed off an unstable orbit.
     growing : float
@@ -256,7 +284,7 @@ class Run:
     def __init__(
         self,
         design: Design,
-        system: System,
+        point: tuple[float, float],
         settings: Settings,
         path_revolutions: int = 0,
         samples: int = 96,
@@ -265,11 +293,14 @@ class Run:
         max_step: float = MAX_STEP,
     ) -> None:
         self.began = time.perf_counter()
-        self.design, self.system, self.settings = design, system, settings
+        self.design, self.point, self.settings = design, point, settings
         self.samples, self.progress, self.max_step = samples, progress, max_step
-        self.memory = build_memory(system.film, settings.method)
+        self.system = build_system(design, *point, settings.mesh)
+        self.memory = build_memory(self.system.film, settings.method)
         self.offset = 0
         if start is not None:
+            if np.shape(start) != self.memory.state.shape and settings.mesh == AUTO:
+                self._take_more_azimuths()
             if np.shape(start) != self.memory.state.shape:
                 raise DesignError(
                     f"start has shape {np.shape(start)}; a state on mesh {settings.mesh} has "
@@ -291,57 +322,73 @@ class Run:
         self.records: list[Record] = [build_record(0, 0)]
         self.path = np.empty((0, samples, ROTOR_STATES))
         self.settled: Settled | None = None
-        self.rates: dict[int, float] = {}
-        self.pushed = False
+        self.reached: Settled | None = None  # what it will be, once the run is near enough
+        self.generic = self.memory.tangent.copy()
+        self.next_check = 0
+        self.pushed = 0
         self.growing = 0.0
+        self.steps_a_revolution = 0.0
 
     def solve(self) -> Trajectory:
-        """Run until settled or to the end, refine the rate, record the path."""
+        """Run until settled or decided or to the end, refine the rate, record the path."""
         self.run_until_settled()
-        if self._may_refine():
-            self.refine_strong_rate()
+        while self._is_undecided():
+            self.total += self.settings.revolutions
+            self.run_until_settled()
         if self._may_refine() and _may_be_swift(self.design, self.system.rotor):
             self.refine_swift_mode()
         if self.kept and self.status == OK:
-            self.path = self.advance(self.kept, samples=self.samples).path
+            self.path = self.advance(self.kept, self.samples).path
         return self.pack()
 
-    def advance(self, count: int, *, samples: int = 0, fixed_step: float | None = None) -> Record:
+    def advance(self, count: int, samples: int = 0) -> Record:
         """Do so many revolutions, and keep their record.
 
         Where they fail, thin the film or take many steps, do them once more at the smaller
-        tolerance, which then stays; not on steps of fixed length.
+        tolerance, which then stays; where the film is thin, on more azimuths too, unless the mesh
+        was asked for.
         """
         memory = self.memory
         state, tangent, steps = memory.state.copy(), memory.tangent.copy(), memory.control[STEPS]
-        record, completed = self._attempt(count, samples, fixed_step)
+        record, completed = self._attempt(count, samples)
         busy = self.implicit and memory.control[STEPS] - steps > BUSY * self.share * count
-        if (
-            not self.careful
-            and fixed_step is None
-            and self.status != TOO_MANY_STEPS
-            and (self.status != OK or busy or record.peak.max() > THIN)
-        ):
+        thin = self.status != OK or record.peak.max() > THIN
+        if not self.careful and self.status != TOO_MANY_STEPS and (busy or thin):
             self.careful, self.tolerance = True, self.tolerance / FINER
             memory.state[:], memory.tangent[:] = state, tangent
-            seek_step(memory)
-            record, completed = self._attempt(count, samples, fixed_step)
+            if thin and self.settings.mesh == AUTO:
+                self._take_more_azimuths()
+            seek_step(self.memory)
+            record, completed = self._attempt(count, samples)
         self.done += completed
+        self.steps_a_revolution = (self.memory.control[STEPS] - steps) / max(completed, 1)
         self.records.append(Record(*(array[:completed] for array in record)))
         if self.progress:
             self.progress(completed)
         return self.records[-1]
 
-    def _attempt(self, count: int, samples: int, fixed_step: float | None) -> tuple[Record, int]:
+    def _take_more_azimuths(self) -> None:
+        """Go over to a mesh of more azimuths; stay where the film there would hold no gas."""
+        old, before = self.memory, self.system.film
+        mesh = Mesh(before.latitudes, MORE_AZIMUTHS)
+        system = build_system(self.design, *self.point, mesh)
+        memory, n = build_memory(system.film, self.settings.method), film_size(before)
+        for vector, wanted in ((old.state, memory.state), (old.tangent, memory.tangent)):
+            gas = on_azimuths(vector[:n], before.latitudes, MORE_AZIMUTHS)
+            wanted[:] = np.concatenate([gas, vector[n:]])
+        if memory.state[: film_size(system.film)].min() > 0.0:
+            memory.control[:] = old.control
+            self.generic = build_memory(system.film).tangent
+            self.system, self.memory = system, memory
+
+    def _attempt(self, count: int, samples: int) -> tuple[Record, int]:
         """Integrate so many revolutions; return their record and how many are whole."""
         options = Options(self.tolerance, tangent=self.tangent)
         if self.implicit:
             options = options._replace(
-                max_step=fixed_step or self.max_step,
-                fixed=fixed_step is not None,
-                max_steps=int(MOST_STEPS * self.share),
+                max_step=self.max_step, max_steps=int(MOST_STEPS * self.share)
             )
-        record = build_record(count, samples, self.memory.state.size if self.tangent else 0)
+        record = build_record(count, samples)
         self.status, completed = advance(
             self.system, self.memory, options, self.offset + self.done, count, record
         )
@@ -369,9 +416,10 @@ class Run:
         """Run up to the recorded path, or until a check finds a periodic orbit that attracts."""
         end = self.total - self.kept
         tangent_from = self.transient - min(ALIGNMENT, self.transient // 2)
+        last_check = self.total - max(self.kept, _ATTENTION)
         while self.done < end and self.status == OK and self.settled is None:
             if not self.tangent and self.done >= tangent_from:
-                self._start_tangent()
+                self.tangent, self.first_tangent = True, self.done
             next_check = self.done + CHECK_EVERY - self.done % CHECK_EVERY
             stops = (next_check, tangent_from, self.transient, end)
             self.advance(min(stop for stop in stops if stop > self.done) - self.done)
@@ -379,33 +427,63 @@ class Run:
                 self.status == OK
                 and self.settings.early_stop
                 and self.done % CHECK_EVERY == 0
-                and self.done <= self.total - max(self.kept, _ATTENTION)
+                and self.next_check <= self.done <= last_check
             ):
                 self._check()
 
-    def _start_tangent(self) -> None:
-        self.tangent, self.first_tangent = True, self.done
+    def _is_undecided(self) -> bool:
+        """Whether the motion has no regime yet and may be measured for longer: up to
+        :data:`MOST_MEASURED` times the revolutions asked for.
+        """
+        asked, until = self.settings.revolutions, self.total - max(self.kept, _ATTENTION)
+        rows, beyond = until - self.transient, self.done - until
+        if (
+            self.status != OK
+            or self.settled is not None
+            or not self.settings.early_stop
+            or self.total - self.transient >= MOST_MEASURED * asked
+            or rows <= 0
+        ):
+            return False
+        mle = exponent(self.last("growth", rows + beyond)[:rows])
+        section = self.last("section", rows + beyond)[:rows]
+        return mle is not None and classify(section, mle).name == "undecided"
 
     def _check(self) -> None:
-        """Start the tangent near a periodic orbit; then stop on one that attracts, and push the
-        run, once, off one that does not.
-        """
-        section = self.last("section", 3 * MEMORY)
-        if not self.tangent:
-            ramped = (self.offset + self.done) * REVOLUTION > self.system.rotor.ramp
-            if ramped and is_near(section):
-                self._start_tangent()
+        """Stop on a periodic orbit that attracts; push the run, once, off one that does not."""
+        section = self.last("section", SECTION)
+        period = repeating_period(section)
+        if period is None or (self.offset + self.done) * REVOLUTION <= self.system.rotor.ramp:
+            self.reached = None
             return
-        rows = min(MEMORY, self.done - self.first_tangent)
-        found = find_settled(
-            section, self.last("tangent", rows), self.last("growth", rows), self.rates
-        )
-        if found and found.rate < 0.0:
-            self.settled = found
-        elif found and not self.pushed and self.done <= self.transient // 2:
-            push(self.memory.state, self.memory.tangent)
+        if self.reached is None:
+            self.next_check = self.done + self._find_orbit(period)
+        if self.reached is not None:
+            rate = self.reached.rate
+            left = distance(mismatch(section, period), rate, period) / DISTANCE
+            if left <= 1.0:
+                self.settled = self.reached
+            else:
+                self.next_check = self.done + math.ceil(math.log(left) / -rate)
+
+    def _find_orbit(self, period: int) -> int:
+        """Look for the orbit that the run nears: note one that attracts, push the run off one that
+        does not; return after how many revolutions to look again.
+        """
+        options, first = Options(self.tolerance), self.offset + self.done
+        orbit = Shooting(self.system, self.memory, first, period, options, self.implicit)
+        found = orbit.find(self.generic, max(self.steps_a_revolution, REVOLUTION / self.max_step))
+        rate, wait = found.settled.rate if found else 0.0, self.done // 2
+        if found and rate < 0.0 and found.far <= REACH:
+            self.reached = found.settled
+        elif found and rate < 0.0 and math.isfinite(found.far):
+            nearer = math.ceil(math.log(found.far / REACH) / -rate)
+            wait = max(min(nearer, wait), self.done // 8)
+        elif found and rate > UNSTABLE and not self.pushed and self.done <= self.transient // 2:
+            push(self.memory.state, found.direction)
             seek_step(self.memory)
-            self.pushed = True
+            self.pushed, wait = self.done, 0
+        return wait
 
     def _may_refine(self) -> bool:
         return (
@@ -421,30 +499,13 @@ class Run:
             return self.settled.rate
         return float(self.last("growth", self.measured).mean())
 
-    def refine_strong_rate(self) -> None:
-        """Measure a strongly damped orbit's rate again on fine steps.
-
-        Its leading modes swing many times a step, and die too fast to be worth short ones before.
-        """
-        if self._rate() >= STRONG:
-            return
-        period = repeating_period(self.last("section", 3 * MEMORY))
-        if period is None:
-            return
-        fine = self.advance(2 * CHECK_EVERY, fixed_step=min(self.max_step, REVOLUTION / FINE_STEPS))
-        seek_step(self.memory)
-        if self.status == OK:
-            self.settled = strong_rate(fine.tangent, fine.growth, period)
-
     def refine_swift_mode(self) -> None:
         """Replace the rate where a vibration that long steps damp away dies more slowly; note one
         that grows, for shorter steps.
         """
         rate, slack = self._rate(), 3.0 * self.settled.error if self.settled else 0.0
         period = (
-            self.settled.period
-            if self.settled
-            else repeating_period(self.last("section", 3 * MEMORY))
+            self.settled.period if self.settled else repeating_period(self.last("section", SECTION))
         )
         swift = self._find_swift() if period is not None else None
         if period is None or swift is None or not swift.rate > rate - slack:
@@ -482,19 +543,24 @@ class Run:
         if self.design.rigid:  # the disc is the journal
             for array in (section, self.path):
                 array[..., 2:4], array[..., 6:8] = array[..., 0:2], array[..., 4:6]
-        with_tangent = self.done - self.first_tangent
+        with_tangent = max(self.done - self.first_tangent, 0)
         return Trajectory(
             STATUS[self.status],
             self.done,
             section,
             self.last("growth", with_tangent if self.settled else self.measured),
             self.last("contact", self.measured) / REVOLUTION,
+            self.last("thin", self.measured) / REVOLUTION,
             self.last("peak", self.measured),
+            self.last("force", self.measured),
+            self.last("box", self.measured),
             self.path,
+            self.system.mesh,
             int(self.memory.control[STEPS]),
             time.perf_counter() - self.began,
             self.memory.state.copy(),
             self.settled,
+            self.pushed,
         )
 
 
@@ -522,7 +588,6 @@ def _out_of_steps(design: Design, system: System, settings: Settings) -> bool:
         PER_SWING * frequency < MOST_STEPS
         or design.bearing.supply_pressure_ratio == 1.0
         or settings.method != "rodas"
-        or settings.mesh.latitude * settings.mesh.azimuth > MAX_DENSE_CELLS
     ):
         return False
     try:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from spab_core.common.errors import DesignError
-from spab_core.common.validation import check_number
-from spab_core.solver.film import DEFAULT_MESH, SCHEMES, Mesh, parse_mesh
+from spab_core.common.validation import check_choice, check_number
+from spab_core.solver.film import AUTO, Mesh, parse_mesh
+from spab_core.solver.rotor import RAMP_REVOLUTIONS
 from spab_core.solver.stepping import DEFAULT_TOLERANCE, METHODS
 
 
@@ -19,41 +20,35 @@ class Settings:
     Attributes
     ----------
     mesh : Mesh
-        Latitudes x azimuths of the half band.
+        Latitudes x azimuths of the half band; by default those that the design asks for, and more
+        azimuths once the eccentricity does (:attr:`~spab_core.trajectory.run.Trajectory.mesh`).
     method : str
         ``rodas`` or ``dtm`` (:mod:`spab_core.solver.stepping`).
     transient, revolutions : int
-        Revolutions before and during the measurement.
+        Revolutions before and during the measurement. A cold start needs a transient as long as the
+        load's ramp (:meth:`check_cold_start`).
     tolerance : float
         Largest error estimate of a step, lengths over C.
-    scheme : str
-        Film differences, ``fitted`` or ``plain`` (:func:`spab_core.solver.film.build_film`).
     early_stop : bool
-        Stop where the run has settled on a periodic orbit, and push it off an unstable one in the
-        first half of the transient (:mod:`spab_core.trajectory.periodic_orbit`); where it decays by
-        more than :data:`~spab_core.trajectory.run.STRONG`, measure that on finer steps.
+        Stop where the run has settled on a periodic orbit, push it off an unstable one in the first
+        half of the transient (:mod:`spab_core.trajectory.periodic_orbit`), and measure for up to
+        four times the revolutions where the motion has no regime yet.
     """
 
-    mesh: Mesh = DEFAULT_MESH
+    mesh: Mesh = AUTO
     method: str = "rodas"
     transient: int = 300
-    revolutions: int = 400
+    revolutions: int = 300
     tolerance: float = DEFAULT_TOLERANCE
-    scheme: str = "fitted"
     early_stop: bool = True
 
     def __post_init__(self) -> None:
         object.__setattr__(
             self,
             "mesh",
-            parse_mesh(self.mesh if isinstance(self.mesh, str) else "x".join(map(str, self.mesh))),
+            parse_mesh(self.mesh if isinstance(self.mesh, str) else str(Mesh(*self.mesh))),
         )
-        for name, allowed in (("method", METHODS), ("scheme", SCHEMES)):
-            if getattr(self, name) not in allowed:
-                raise DesignError(
-                    f"{name} = {str(getattr(self, name))[:40]!r} is not allowed: choose "
-                    f"{' or '.join(allowed)}"
-                )
+        check_choice("method", self.method, METHODS)
         for name, low, high in (("transient", 0, 100_000), ("revolutions", 20, 100_000)):
             value = getattr(self, name)
             check_number(name, value, low, high, "revolutions")
@@ -63,6 +58,15 @@ class Settings:
         if not isinstance(self.early_stop, bool):
             raise DesignError(
                 f"early_stop = {str(self.early_stop)[:40]!r} is not allowed: True or False"
+            )
+
+    def check_cold_start(self) -> None:
+        """Raise :class:`DesignError` if a run from rest is measured while its load rises."""
+        if self.transient < RAMP_REVOLUTIONS:
+            raise DesignError(
+                f"transient = {self.transient} revolutions is too short: a cold start raises load "
+                f"and unbalance over {RAMP_REVOLUTIONS:g} revolutions; allowed is from "
+                f"{RAMP_REVOLUTIONS:g} to 100000 revolutions"
             )
 
     def to_dict(self) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from scipy.signal import find_peaks
 from scipy.signal.windows import hann
 
 from spab_core.common.errors import InputError
+from spab_core.common.validation import check_choice
 
 WINDOWS = ("hann", "rectangular")
 _FLOOR = 1e-3  # lines under this share of the strongest one are not told
@@ -67,10 +68,7 @@ def spectrum(signal: np.ndarray, samples_per_revolution: int, window: str = "han
     """
     x = np.asarray(signal, float)
     n = len(x)
-    if window not in WINDOWS:
-        raise InputError(
-            f"window = {str(window)[:40]!r} is not allowed: choose {' or '.join(WINDOWS)}"
-        )
+    check_choice("window", window, WINDOWS)
     if n < 16 or not np.isfinite(x).all():
         raise InputError(
             f"a spectrum needs at least 16 finite samples: {int(np.isfinite(x).sum())} of {n} are "

@@ -10,14 +10,15 @@ import streamlit as st
 from spab_core.design.limits import BEARING_NUMBER_RANGE
 from spab_core.design.model import Design
 from spab_core.linear_theory.coefficients import (
-    LEAST_STABLE,
+    FILM_WHIRL,
     Coefficients,
-    coefficients,
     coefficients_over_speed,
-    impedance,
+    coefficients_over_speed_and_frequency,
+    coefficients_over_whirl,
 )
-from spab_core.linear_theory.ross_table import coefficient_table, table_bytes
+from spab_core.linear_theory.ross_table import table_bytes
 from spab_core.linear_theory.summary import Derived, derive
+from spab_core.ui.downloads import file_button
 
 WHIRL_RATIOS = np.linspace(0.0, 2.0, 41)
 SPEEDS = np.linspace(0.25, 1.5, 26)  # over the speed of the operating point
@@ -30,10 +31,9 @@ def derived_now(design: Design, rotor_mass: float, bearing_number: float) -> Der
 
 
 @st.cache_resource(max_entries=64, show_spinner=False)
-def over_whirl(design: Design, rotor_mass: float, bearing_number: float) -> Coefficients | None:
-    """The coefficients against whirl frequency; None where there is no static equilibrium."""
-    z = impedance(design, rotor_mass, bearing_number)
-    return None if z is None else coefficients(z, WHIRL_RATIOS)
+def over_whirl(design: Design, rotor_mass: float, bearing_number: float) -> Coefficients:
+    """The coefficients against whirl frequency. Raises ``InputError``."""
+    return coefficients_over_whirl(design, rotor_mass, bearing_number, WHIRL_RATIOS)
 
 
 @st.cache_resource(max_entries=64, show_spinner=False)
@@ -43,21 +43,27 @@ def over_speed(
     """The coefficients against shaft speed, around that of the point; ``whirl`` as in
     ``coefficients_over_speed``.
     """
-    return coefficients_over_speed(
-        design, rotor_mass, np.clip(bearing_number * SPEEDS, *BEARING_NUMBER_RANGE), whirl
-    )
+    return coefficients_over_speed(design, rotor_mass, _speeds(bearing_number), whirl)
 
 
-def _speed_file(design, rotor_mass, bearing_number, whirl, form) -> bytes:
-    return table_bytes(
-        coefficient_table(over_speed(design, rotor_mass, bearing_number, whirl)), form
-    )
+def _speeds(bearing_number: float) -> np.ndarray:
+    """The bearing numbers of a table around the point, each once."""
+    return np.unique(np.clip(bearing_number * SPEEDS, *BEARING_NUMBER_RANGE))
 
 
-def _whirl_file(design, rotor_mass, bearing_number) -> bytes:
-    found = over_whirl(design, rotor_mass, bearing_number)
-    assert found is not None  # the button stands there only where there is an equilibrium
-    return table_bytes(coefficient_table(found, "frequency"), ".csv")
+def _grid_file(design: Design, rotor_mass: float, bearing_number: float) -> bytes:
+    found = coefficients_over_speed_and_frequency(design, rotor_mass, _speeds(bearing_number))
+    return table_bytes(found, ".json")
+
+
+def _speed_file(
+    design: Design, rotor_mass: float, bearing_number: float, whirl: float | str
+) -> bytes:
+    return table_bytes(over_speed(design, rotor_mass, bearing_number, whirl), ".xlsx")
+
+
+def _whirl_file(design: Design, rotor_mass: float, bearing_number: float) -> bytes:
+    return table_bytes(over_whirl(design, rotor_mass, bearing_number), ".csv")
 
 
 def coefficient_downloads(
@@ -68,33 +74,28 @@ def coefficient_downloads(
     """
     point = (design, rotor_mass, bearing_number)
     with st.popover("Tables for ROSS", icon=":material/download:"):
-        sheet = "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet"
+        file_button(
+            "Against speed and whirl frequency: for all modes, JSON",
+            partial(_grid_file, *point),
+            "bearing.json",
+            "ross_grid",
+        )
         for label, name, whirl in (
-            ("Against speed, at the rotor's own whirl: for stability", "whirl", LEAST_STABLE),
+            ("Against speed, at the film's whirl: for the limit of stability", "whirl", FILM_WHIRL),
             ("Against speed, synchronous: for unbalance response", "synchronous", 1.0),
         ):
-            st.download_button(
-                label,
-                partial(_speed_file, *point, whirl, ".xlsx"),
-                f"bearing_{name}.xlsx",
-                sheet,
-                key=f"ross_{name}",
-                on_click="ignore",
-                width="stretch",
-            )
-        st.download_button(
+            make = partial(_speed_file, *point, whirl)
+            file_button(label, make, f"bearing_{name}.xlsx", f"ross_{name}")
+        file_button(
             "Against whirl frequency, at this speed, CSV",
             partial(_whirl_file, *point),
             "bearing_frequency.csv",
-            "text/csv",
-            key="ross_frequency",
-            on_click="ignore",
-            width="stretch",
+            "ross_frequency",
         )
         st.caption(
-            "The first two are read by `ross.BearingElement.from_table`. Synchronous coefficients "
-            "overrate the "
-            "stability of a rotor that whirls at half speed, by a factor of two in speed and "
-            "more: use the first."
+            "The first is read by `ross.BearingElement.load`, for `run_modal(speed, "
+            "matched_whirl=True)`; the next two by `ross.BearingElement.from_table`. Synchronous "
+            "coefficients overrate the stability of a rotor that whirls at half speed, by a factor "
+            "of two in speed and more: take them for unbalance alone."
         )
         st.code(command, language="bash", wrap_lines=True)

@@ -7,9 +7,11 @@ is sent and most of what is drawn, and a browser without WebGL had none."""
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
+from typing import Any
 
 import plotly.graph_objects as go
 import streamlit as st
+from streamlit.components.v2.types import ComponentRenderer
 
 from spab_core.plotting.theme import CHOSEN
 
@@ -19,17 +21,20 @@ _LISTENER = """
 const timers = {};
 export default function ({ data, setTriggerValue }) {
   const find = () => document.querySelector(`.st-key-${data.chart} .js-plotly-plot`);
-  const move = (plot, k, x, y) => {  // the mark of the figure goes to the cell; Plotly keeps it there at every zoom
+  // the mark of the figure goes to the cell; Plotly keeps it there at every zoom
+  const move = (plot, k, x, y) => {
     const trace = plot._fullData[k], node = plot.querySelector(`.trace${trace.uid} path.point`);
     for (const owner of [plot.data[k], trace]) Object.assign(owner, { x: [x], y: [y] });
     Object.assign(plot.calcdata[k][0], { x, y });
     node?.setAttribute("transform", `translate(${trace._xA.c2p(x)},${trace._yA.c2p(y)})`);
   };
   const clicked = event => {
-    const point = event.points.find(p => p.fullData.type === "heatmap" && p.xaxis._id === data.axis);
+    const point = event.points.find(
+      p => p.fullData.type === "heatmap" && p.xaxis._id === data.axis);
     if (!point) return;
     const plot = find(), k = plot._fullData.findIndex(trace => trace.name === data.mark);
-    const twice = event.event.detail > 1 && plot.spabBefore;  // asks for the whole map: the first did not count
+    // a double click asks for the whole map: its first click did not count
+    const twice = event.event.detail > 1 && plot.spabBefore;
     const [x, y] = twice || [point.x, point.y];
     plot.spabBefore = twice ? null : [plot.data[k].x[0], plot.data[k].y[0]];
     move(plot, k, x, y);
@@ -51,7 +56,7 @@ export default function ({ data, setTriggerValue }) {
 
 
 @st.cache_resource(show_spinner=False)
-def _listener():
+def _listener() -> ComponentRenderer:
     return st.components.v2.component("spab_clicks", js=_LISTENER)
 
 
@@ -85,7 +90,7 @@ def clickable(
     key: str,
     on_click: Callable[[float, float], None],
     axis: str = "x",
-    **options,
+    **options: Any,
 ) -> None:
     """Show a figure with a heatmap; a click on one of its cells calls ``on_click`` with the cell's
     x and y before the next run.
@@ -93,9 +98,9 @@ def clickable(
     Parameters
     ----------
     figure : Figure
-        The browser moves its trace named :data:`plotting.theme.CHOSEN` to the clicked cell by itself.
-        Where the next run sends the same figure, with the mark at :func:`mark_place`, the browser
-        keeps it as it is, zoomed and marked.
+        The browser itself moves the trace named :data:`plotting.theme.CHOSEN` to the clicked cell.
+        If the next run sends the same figure, with the mark at :func:`mark_place`, the browser
+        keeps its zoom and its mark.
     key : str
         Of the chart.
     on_click : callable
@@ -107,7 +112,7 @@ def clickable(
     """
     st.plotly_chart(figure, key=key, width="stretch", **options)
 
-    def clicked():
+    def clicked() -> None:
         cell = st.session_state[f"{key}_click"].cell
         if cell:
             on_click(float(cell[0]), float(cell[1]))

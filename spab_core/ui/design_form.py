@@ -23,6 +23,7 @@ from spab_core.design.form import (
 )
 from spab_core.design.model import Design, design_toml, read_design_bytes, reference_design
 from spab_core.design.presets import PRESETS
+from spab_core.ui.downloads import file_button
 from spab_core.ui.view import chosen_design, chosen_point, set_design, set_speed
 
 _USUAL = to_form(reference_design())
@@ -248,13 +249,10 @@ def design_files() -> None:
         st.file_uploader(
             "Design file, TOML", type="toml", key="my_file", on_change=_uploaded, max_upload_size=1
         )
-        st.download_button(
+        file_button(
             "Save this design as TOML",
             design_toml(design),
             "my.toml",
-            "application/toml",
-            key="my_save",
-            on_click="ignore",
+            "my_save",
             icon=":material/download:",
-            width="stretch",
         )

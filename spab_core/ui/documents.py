@@ -38,8 +38,7 @@ def read_sections(name: str, needed: Iterable[str] = (), folder: Path = DOCS) ->
     except (OSError, ValueError) as error:
         raise InputError(
             f"cannot read {folder / name} ({getattr(error, 'strerror', None) or error}): restore "
-            "it from the "
-            "repository"
+            "it from the repository"
         ) from None
     begin, *rest = re.split(r"^## ", text, flags=re.MULTILINE)
     sections = {"": re.sub(r"^# .*\n+", "", begin)}

@@ -2,32 +2,78 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
+from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import plotly.graph_objects as go
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from spab_core.common.files import csv_bytes
-from spab_core.design.model import Design, design_toml
+from spab_core.design.model import design_toml
 from spab_core.reporting.export import browser_path, figure_html, figure_png
 from spab_core.ui.view import chosen_design, is_reference
 
-_KINDS = {
-    "npz": ("Data, NPZ", "application/octet-stream"),
-    "nc": ("Data, NetCDF", "application/x-netcdf"),
-    "toml": ("Design, TOML", "application/toml"),
+_LABELS = {"npz": "Data, NPZ", "nc": "Data, NetCDF"}
+_TYPES = {
+    ".csv": "text/csv",
+    ".html": "text/html",
+    ".nc": "application/x-netcdf",
+    ".npz": "application/octet-stream",
+    ".json": "application/json",
+    ".pdf": "application/pdf",
+    ".png": "image/png",
+    ".toml": "application/toml",
+    ".xlsx": "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet",
 }
 
 _PNG_HELP = "Drawn by Chromium or Chrome on the server; the camera above each figure works without"
 
 
+def file_button(
+    label: str,
+    make: Callable[[], bytes | str] | str,
+    file: str,
+    key: str = "",
+    place: DeltaGenerator | None = None,
+    **options: Any,
+) -> None:
+    """Offer a file; what a function gives is made on the click.
+
+    Parameters
+    ----------
+    label : str
+    make : callable or str
+        Gives the content, on another thread without a session; or the content.
+    file : str
+        Its name, whose ending says its type.
+    key : str
+        Left out: the name of the file.
+    place : DeltaGenerator, optional
+    options
+        Of ``st.download_button``.
+    """
+    button = place.download_button if place else st.download_button
+    button(
+        label,
+        make,
+        file,
+        _TYPES[Path(file).suffix],
+        key=key or file.replace(".", "_"),
+        on_click="ignore",
+        width="stretch",
+        **options,
+    )
+
+
 def downloads(
     name: str,
-    figures: dict[str, go.Figure | Callable[[], go.Figure]],
-    tables: dict[str, Callable[[], pd.DataFrame]] | None = None,
-    files: dict[str, Callable[[], bytes]] | None = None,
+    figures: Mapping[str, go.Figure | Callable[[], go.Figure]],
+    tables: Mapping[str, Callable[[], pd.DataFrame]] | None = None,
+    files: Mapping[str, Callable[[], bytes]] | None = None,
     command: str = "",
 ) -> None:
     """A popover with the view's figures (HTML; PNG where a browser is found), data and the command
@@ -50,56 +96,28 @@ def downloads(
     -----
     Files are made on the click, not before.
     """
-    design = chosen_design()  # now: a file is made on another thread, without a session
-    made = dict(files or {})
-    if not is_reference():
-        made["toml"] = partial(_toml, design)
     with st.popover("Download", icon=":material/download:", key=f"{name}_downloads"):
         for title, figure in figures.items():
             stem = _stem(name, title)
             html, png = st.columns(2)
-            html.download_button(
-                f"{title}, HTML",
-                partial(_figure, figure_html, figure),
-                f"{stem}.html",
-                "text/html",
-                key=f"{stem}_html",
-                on_click="ignore",
-                width="stretch",
+            file_button(
+                f"{title}, HTML", partial(_figure, figure_html, figure), f"{stem}.html", place=html
             )
-            png.download_button(
+            file_button(
                 f"{title}, PNG",
                 partial(_figure, figure_png, figure),
                 f"{stem}.png",
-                "image/png",
-                key=f"{stem}_png",
-                on_click="ignore",
-                width="stretch",
+                place=png,
                 disabled=browser_path() is None,
                 help=_PNG_HELP,
             )
         for title, table in (tables or {}).items():
-            stem = _stem(name, title)
-            st.download_button(
-                f"{title}, CSV",
-                partial(_csv, table),
-                f"{stem}.csv",
-                "text/csv",
-                key=f"{stem}_csv",
-                on_click="ignore",
-                width="stretch",
-            )
-        for ending, make in made.items():
-            label, mime = _KINDS[ending]
-            st.download_button(
-                label,
-                make,
-                f"{'my' if ending == 'toml' else name}.{ending}",
-                mime,
-                key=f"{name}_{ending}",
-                on_click="ignore",
-                width="stretch",
-            )
+            file_button(f"{title}, CSV", partial(_csv, table), f"{_stem(name, title)}.csv")
+        for ending, make in (files or {}).items():
+            file_button(_LABELS[ending], make, f"{name}.{ending}")
+        if not is_reference():
+            make_toml = partial(design_toml, chosen_design())
+            file_button("Design, TOML", make_toml, "my.toml", f"{name}_toml")
         if command:
             st.caption("The same on the command line:")
             st.code(command, language="bash", wrap_lines=True)
@@ -120,7 +138,3 @@ def _figure(
 
 def _csv(table: Callable[[], pd.DataFrame]) -> bytes:
     return csv_bytes(table())
-
-
-def _toml(design: Design) -> bytes:
-    return design_toml(design).encode()

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Hashable
+from typing import Any
 
 import plotly.graph_objects as go
 import streamlit as st
@@ -16,21 +17,22 @@ _KEPT = 16  # a megabyte or two each
 class _Drawn(go.Figure):
     """A figure whose dictionary is ready; its own properties are empty."""
 
-    def __init__(self, ready: dict):
+    def __init__(self, ready: dict[str, Any]):
         super().__init__()
         self.__dict__["_ready"] = ready
 
-    def to_dict(self) -> dict:
+    def to_dict(self) -> dict[str, Any]:
         """What is sent to the browser."""
-        return self.__dict__["_ready"]
+        ready: dict[str, Any] = self.__dict__["_ready"]
+        return ready
 
 
 @st.cache_resource(show_spinner=False)
-def _figures() -> tuple[dict[Hashable, dict], threading.Lock]:
+def _figures() -> tuple[dict[Hashable, dict[str, Any]], threading.Lock]:
     return {}, threading.Lock()
 
 
-def drawn(key: Hashable, draw: Callable[[], go.Figure], *traces: dict) -> go.Figure:
+def drawn(key: Hashable, draw: Callable[[], go.Figure], *traces: dict[str, Any]) -> go.Figure:
     """A figure drawn now, or one of the last drawn for any user.
 
     Parameters

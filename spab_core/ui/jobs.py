@@ -1,8 +1,11 @@
-"""A background job on a page: start, progress, time left, cancel, and its result once it is there."""
+"""A background job on a page: start, progress, time left, cancel, and its result when done."""
 
 from __future__ import annotations
 
+from typing import Any, Literal
+
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from spab_core.jobs.kinds import KINDS
 from spab_core.jobs.store import Job, JobError, cancel, find, job_id, submit
@@ -13,7 +16,7 @@ _EVERY = 0.7  # seconds between two looks at a job
 
 def job_panel(
     kind: str,
-    parameters: dict,
+    parameters: dict[str, Any],
     label: str,
     key: str,
     *,
@@ -41,48 +44,48 @@ def job_panel(
     Job or None
         None until it is done.
     """
-    damage = ""
     with errors_in_words():
-        name = job_id(kind, parameters)
-        try:
-            job = find(name)
-        except JobError as error:
-            job, damage = None, str(error)
-        if job is None and auto and not damage:
+        job, damage = _find(job_id(kind, parameters))
+        if auto and not job and not damage:
             job = submit(kind, parameters, files)
-    if job is not None and job.active:
-        st.fragment(_watch, run_every=_EVERY)(name, key)
+    if job and job.active:
+        st.fragment(_watch, run_every=_EVERY)(job.id, key)
         return None
-    if job is not None and job.state == "done":
+    if job and job.state == "done":
         return job
     place = st.container()
-    if job is not None or damage:
+    width: Literal["content", "stretch"] = "content"
+    if job or damage:
         words, place = _row()
-        if job is not None and job.state == "cancelled":
-            resumes = KINDS[kind].resumes
-            kept = (
-                "What is solved is kept."
-                if resumes
-                else "Nothing is kept of it: it starts from the beginning."
-            )
-            words.warning(f"Cancelled{_count(job)}. {kept}")
-            label = "Go on" if resumes else "Start again"
-        else:
-            words.error(f"Failed: {job.message if job is not None else damage}.".replace("..", "."))
-            label = "Try again"
-    if place.button(
-        label,
-        key=f"{key}_start",
-        type="primary",
-        width="stretch" if job is not None or damage else "content",
-    ):
+        label, width = _tell_end(words, job, damage), "stretch"
+    if place.button(label, key=f"{key}_start", type="primary", width=width):
         with errors_in_words():
             submit(kind, parameters, files)
         st.rerun()
     return None
 
 
-def _row():
+def _find(name: str) -> tuple[Job | None, str]:
+    """The job, and what is wrong with its files if it cannot be read."""
+    try:
+        return find(name), ""
+    except JobError as error:
+        return None, str(error)
+
+
+def _tell_end(place: DeltaGenerator, job: Job | None, damage: str) -> str:
+    """Say how a job ended without a result; the label of the button that starts it again."""
+    if not job or job.state != "cancelled":
+        place.error(f"Failed: {job.message if job else damage}.".replace("..", "."))
+        return "Try again"
+    if KINDS[job.kind].resumes:
+        place.warning(f"Cancelled{_count(job)}. What is solved is kept.")
+        return "Go on"
+    place.warning(f"Cancelled{_count(job)}. Nothing is kept of it: it starts from the beginning.")
+    return "Start again"
+
+
+def _row() -> list[DeltaGenerator]:
     return st.columns([5, 1], vertical_alignment="center")
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from functools import partial
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import streamlit as st
 
@@ -41,7 +42,7 @@ def line_of_job(job: Job) -> Bifurcation:
     return _load(job.result, job.finished or 0.0, False)
 
 
-def done_with_more(kind: str, parameters: dict) -> Job | None:
+def done_with_more(kind: str, parameters: dict[str, Any]) -> Job | None:
     """A finished line that has the wanted sweeps and others besides. Raises ``InputError``."""
     wanted = set(parameters["sweeps"])
     for count in range(len(wanted) + 1, len(SWEEPS) + 1):
@@ -62,8 +63,7 @@ def line_command(line: Bifurcation, sweeps: Sequence[str], design_option: str = 
     return (
         f"spab bifurcation{design_option} --vary {line.vary} --at {line.at:.12g} --range "
         f"{line.values[0]:.12g}:{line.values[-1]:.12g}:{n} --sweeps {','.join(sweeps)} --mesh "
-        f"{m['mesh']} "
-        f"--method {m['method']} --scheme {m['scheme']} --transient {m['transient']} "
+        f"{m['mesh']} --method {m['method']} --transient {m['transient']} "
         f"--revolutions {m['revolutions']}{full} --out line.npz"
     )
 
@@ -110,7 +110,7 @@ def _intervals(line: Bifurcation, sweeps: Sequence[str], name: str, height: int)
     failed = {s: int((line.branches[s].status != "ok").sum()) for s in sweeps if s in line.branches}
     unit = _LABELS[line.vary]
     if table.empty:
-        st.success("No chaotic point on this line.")
+        st.info("No chaotic point on this line. Contact and whirl are not looked at here.")
     else:
         st.caption(
             "Chaotic intervals, first and last chaotic point; shaded: "

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -39,7 +40,7 @@ def published(job: Job | None) -> tuple[Refinement, StabilityMap] | None:
     return _load(job.result, job.result.stat().st_mtime)
 
 
-def map_job(parameters: dict) -> Job | None:
+def map_job(parameters: dict[str, Any]) -> Job | None:
     """The job of a request, in whatever state; None where it was never asked for.
 
     Raises ``InputError``.
@@ -86,8 +87,7 @@ def map_command(design_option: str, numbers: str, masses: str, minutes: float) -
     """The command that maps a bearing."""
     return (
         f"spab design map{design_option} --bearing-number {numbers} --rotor-mass {masses} "
-        f"--minutes {minutes:g} "
-        "--out my_map.npz"
+        f"--minutes {minutes:g} --out my_map.npz"
     )
 
 

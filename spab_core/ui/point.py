@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from spab_core.common.errors import InputError
 from spab_core.common.npz import npz_bytes
 from spab_core.design.model import Design
 from spab_core.plotting import point as draw
-from spab_core.solver.film import DEFAULT_MESH, MESH_LIMITS, SCHEMES, Mesh
+from spab_core.solver.film import AUTO, MESH_LIMITS, Mesh
 from spab_core.solver.stepping import METHODS
 from spab_core.trajectory.expected_time import expected_seconds
 from spab_core.trajectory.point import OperatingPoint
@@ -28,9 +29,10 @@ from spab_core.ui.solving import LIVE_PATHS, live_point
 from spab_core.ui.verdict import point_numbers, point_verdict
 
 LIVE_SECONDS = 2.0  # what is expected to take longer runs as a job
-MESHES = (str(DEFAULT_MESH), "2x16", "3x24", "4x32", "4x96", "6x64", "8x128")
+MESHES = (str(AUTO), "2x16", "3x16", "3x24", "4x24", "4x32", "4x48", "6x64")
 COORDINATES = ("X₂", "Y₂", "X₁", "Y₁")  # the rotor state's first four
 _RUN_UP = 60  # revolutions
+_Key = tuple[Design, float, float, Settings]
 
 
 def chosen_settings() -> Settings:
@@ -41,7 +43,6 @@ def chosen_settings() -> Settings:
         state["method"],
         int(state["transient"]),
         int(state["revolutions"]),
-        scheme=state["scheme"],
     )
 
 
@@ -88,23 +89,23 @@ def _load(path: str, stamp: float) -> OperatingPoint:
 
 
 @st.cache_resource(max_entries=32, show_spinner=False)
-def _revolution(key: tuple, _point: OperatingPoint) -> Revolution:
+def _revolution(key: _Key, _point: OperatingPoint) -> Revolution:
     return integrate_revolution(_point)
 
 
 @st.cache_resource(max_entries=32, show_spinner=False)
-def _run_up_path(key: tuple, _point: OperatingPoint) -> np.ndarray:
+def _run_up_path(key: _Key, _point: OperatingPoint) -> np.ndarray:
     settings = _point.settings
     revolutions = min(_RUN_UP, settings.transient + settings.revolutions)
     return run_up(_point.design, _point.rotor_mass, _point.bearing_number, settings, revolutions)
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)
-def _film(key: tuple, colour: str, _point: OperatingPoint) -> go.Figure:
+def _film(key: _Key, colour: str, _point: OperatingPoint) -> go.Figure:
     return draw.film_figure(_revolution(key, _point), colour)
 
 
-def _key(p: OperatingPoint) -> tuple:
+def _key(p: OperatingPoint) -> _Key:
     return p.design, p.rotor_mass, p.bearing_number, p.settings
 
 
@@ -138,7 +139,10 @@ def strongest_lines(point: OperatingPoint) -> str:
             f"{name}: "
             + (", ".join(f"{a * micron:.3g} µm at order {o:.2f}" for o, a in lines) or "none")
         )
-    return f"Strongest lines of {'; '.join(told)}. Orders {1 / len(path):.3f} apart, Hann window, peak amplitudes."
+    step = f"{1 / len(path):.3f}"
+    return (
+        f"Strongest lines of {'; '.join(told)}. Orders {step} apart, Hann window, peak amplitudes."
+    )
 
 
 def film_of(point: OperatingPoint, colour: str = draw.QUANTITIES[0]) -> go.Figure:
@@ -146,7 +150,7 @@ def film_of(point: OperatingPoint, colour: str = draw.QUANTITIES[0]) -> go.Figur
     return _film(_key(point), colour, point)
 
 
-def figures_of(point: OperatingPoint) -> dict:
+def figures_of(point: OperatingPoint) -> dict[str, Callable[[], go.Figure]]:
     """Every figure of a point, as functions by title; those of a failed run are fewer."""
     if point.mle is None:
         return {"Orbits": lambda: draw.orbit_figure(point, run_up_of(point))}
@@ -191,10 +195,8 @@ def simulate_command(design_option: str, point_options: str, settings: Settings)
     """The command line that solves the same."""
     return (
         f"spab simulate {point_options}{design_option} --mesh {settings.mesh} --method "
-        f"{settings.method} "
-        f"--scheme {settings.scheme} --transient {settings.transient} --revolutions "
-        f"{settings.revolutions} "
-        "--orbit orbit.csv"
+        f"{settings.method} --transient {settings.transient} "
+        f"--revolutions {settings.revolutions} --orbit orbit.csv"
     )
 
 
@@ -207,7 +209,7 @@ def verdict_panel(point: OperatingPoint) -> None:
 
 
 def solver_controls(cost: bool = True) -> None:
-    """Method, mesh, scheme and length; with ``cost`` a sentence on what they cost at the chosen
+    """Method, mesh and length; with ``cost`` a sentence on what they cost at the chosen
     point.
     """
     state = st.session_state
@@ -226,17 +228,11 @@ def solver_controls(cost: bool = True) -> None:
         known,
         key="mesh",
         accept_new_options=True,
-        help=f"Latitudes x azimuths of the half band; or type your own, from {low} to {high}",
-    )
-    st.segmented_control(
-        "Film differences",
-        SCHEMES,
-        key="scheme",
-        required=True,
-        help="fitted: exact for the first harmonic around. plain: central differences",
+        help=f"Latitudes x azimuths of the half band; auto takes those that the design and the "
+        f"eccentricity ask for; or type your own, from {low} to {high}",
     )
     one, two = st.columns(2)
-    one.number_input("Transient, revolutions", 0, 5000, None, key="transient", step=50)
+    one.number_input("Transient, revolutions", 30, 5000, None, key="transient", step=50)
     two.number_input("Measured, revolutions", 20, 5000, None, key="revolutions", step=50)
     if not cost:
         return
@@ -250,7 +246,7 @@ def solver_controls(cost: bool = True) -> None:
         else "it runs in the background, with progress and cancel"
     )
     st.caption(
-        f"At most about {duration(seconds)} on this mesh: {where}. The cost grows with "
-        "revolutions and azimuths; more "
-        "than 4 latitudes cost about four times as much, more than 8 again; dtm some hundred times."
+        f"At most about {duration(seconds)} on this mesh: {where}. The cost grows with revolutions "
+        "and faster than the mesh: twice the azimuths of 3x16 take three times as long, twice the "
+        "latitudes as well; dtm takes ten times as long and more."
     )

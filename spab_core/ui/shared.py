@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from spab_core.jobs.store import Job
 from spab_core.maps.margin import against_linear, critical_masses, margin
 from spab_core.maps.stability_map import StabilityMap
 from spab_core.plotting.map import SURROGATE, map_figure, mark_trace
-from spab_core.plotting.still import Still, still
+from spab_core.plotting.plain_picture import PlainPicture, picture_of_map
 from spab_core.plotting.surrogates import ERROR_AXES, refinement_figure, surrogate_figure
 from spab_core.shipped.manifest import (
     ARTIFACTS,
@@ -40,9 +40,10 @@ from spab_core.surrogates.models import linear_table_of, model
 from spab_core.surrogates.ranking import ranking
 from spab_core.surrogates.uncertainty import MapIntervals, load_intervals
 from spab_core.trajectory import compiling
+from spab_core.trajectory.assessment import GRADE_WORDS, GRADES
 from spab_core.ui.drawn import drawn
 from spab_core.ui.memory import bound_memory, spare_lasting_objects
-from spab_core.ui.still import want_plotly
+from spab_core.ui.plain_picture import want_plotly
 from spab_core.ui.view import open_view
 
 HOME = "stability map"  # title of the only page with plain pictures
@@ -81,7 +82,7 @@ def page_head(title: str) -> None:
 
 @contextmanager
 def errors_in_words() -> Iterator[None]:
-    """Show an ``InputError``, or a file that cannot be read or written, as the page's last words."""
+    """Show an ``InputError``, or a file that cannot be read or written, and stop the page."""
     try:
         yield
     except InputError as error:
@@ -94,7 +95,7 @@ def errors_in_words() -> Iterator[None]:
 
 @st.cache_resource(show_spinner=False)
 def _map(stamp: float) -> StabilityMap:
-    return load_reference_map()
+    return load_reference_map(ARTIFACTS)
 
 
 def _stamp(name: str = REFERENCE_MAP) -> float:
@@ -114,7 +115,7 @@ def reference_map() -> StabilityMap:
 
 def _map_drawing(
     layer: str, name: str, divisor: int, seed: int
-) -> tuple[tuple, Callable[[], go.Figure]]:
+) -> tuple[tuple[Hashable, ...], Callable[[], go.Figure]]:
     """All that the map's figure depends on, and what draws it."""
     m, own = reference_map(), (name, divisor, seed) if layer == SURROGATE else ()
     predicted = predicted_map(*own) if own else None
@@ -136,13 +137,13 @@ def marked_map_figure(
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)
-def _still(key: tuple, _draw: Callable[[], go.Figure]) -> Still:
-    return still(_draw())
+def _picture(key: tuple[Hashable, ...], _draw: Callable[[], go.Figure]) -> PlainPicture:
+    return picture_of_map(_draw())
 
 
-def map_still(layer: str, name: str, divisor: int, seed: int) -> Still:
+def map_picture(layer: str, name: str, divisor: int, seed: int) -> PlainPicture:
     """The map as a plain picture; parameters and errors of :func:`marked_map_figure`."""
-    return _still(*_map_drawing(layer, name, divisor, seed))
+    return _picture(*_map_drawing(layer, name, divisor, seed))
 
 
 def marked_surrogate_figure(
@@ -188,6 +189,22 @@ def linear_words() -> str:
     return _linear_words(_stamp())
 
 
+@st.cache_resource(max_entries=1, show_spinner=False)
+def _grade_words(stamp: float) -> str:
+    found = _map(stamp).grades()
+    told = ", ".join(f"{100.0 * (found == g).mean():.0f} % {w}" for g, w in GRADE_WORDS.items())
+    none = "" if (found == GRADES[0]).any() else "No cell of this map is good. "
+    return (
+        f"{none}{told[0].upper()}{told[1:]}, by the motion alone: resonance, and what grows at "
+        "rest, are judged at the point. "
+    )
+
+
+def grade_words() -> str:
+    """How much of the reference map is good, and by what."""
+    return _grade_words(_stamp())
+
+
 def map_margin(rotor_mass: float, bearing_number: float) -> str:
     """The margin of a point of the reference map and the linear threshold at its speed, as a list
     in Markdown.
@@ -202,11 +219,17 @@ def map_margin(rotor_mass: float, bearing_number: float) -> str:
         *found.sentences(),
         f"Linear stability threshold at this speed: {', '.join(critical) or 'none in the map'}.",
     ]
-    return "\n".join([f"**{found.headline()}**", "", *(f"- :small[{text}]" for text in told)])
+    return "\n".join(
+        [
+            f"**Regimes alone, read off the map.** {found.headline()}",
+            "",
+            *(f"- :small[{text}]" for text in told),
+        ]
+    )
 
 
 def digits(value: float) -> str:
-    """Four significant digits; from a thousand on all digits before the point, and none after it."""
+    """Four significant digits; from a thousand on a whole number."""
     return f"{value:,.0f}" if abs(value) >= 1000.0 else f"{value:.4g}"
 
 
@@ -219,7 +242,7 @@ def page_link(name: str, label: str) -> None:
 
 
 @st.cache_resource(show_spinner=False)
-def _predicted() -> dict[tuple, ServedMap]:
+def _predicted() -> dict[tuple[Hashable, ...], ServedMap]:
     # filled by hand: a cached function may not draw on the page, and training tells its progress
     # there
     return {}

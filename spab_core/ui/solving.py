@@ -14,7 +14,7 @@ from spab_core.trajectory.point import OperatingPoint, solve_point
 from spab_core.trajectory.settings import Settings
 from spab_core.ui.shared import predicted_point, reference_map
 
-LIVE = Settings(transient=200, revolutions=200)
+LIVE = Settings()  # those of the map, whose cells it meets
 LIVE_PATHS = 48  # orders of the spectrum are 1/48 apart; halves and thirds fall on them
 _EVERY = 1.0  # seconds between two looks at the compiler
 
@@ -33,9 +33,16 @@ def _solve(
 
 
 def live_point(
-    design: Design, rotor_mass: float, bearing_number: float, settings: Settings = LIVE
+    design: Design,
+    rotor_mass: float,
+    bearing_number: float,
+    settings: Settings = LIVE,
+    *,
+    words: bool = True,
 ) -> OperatingPoint | None:
     """Solve an operating point now, or take it from the last 64 solved.
+
+    ``words``: whether what is known without the solver is shown while that is compiled.
 
     Returns
     -------
@@ -43,7 +50,7 @@ def live_point(
         None as long as another process compiles the solver: what is known without it is on the
         page, which runs again by itself once the solver is there. Raises ``InputError``.
     """
-    if waits_for_compiler(design, rotor_mass, bearing_number):
+    if waits_for_compiler(design, rotor_mass, bearing_number, words=words):
         return None
     text = "Solving this operating point …"
     if not is_compiled(settings):
@@ -54,16 +61,22 @@ def live_point(
 
 
 def waits_for_compiler(
-    design: Design, rotor_mass: float, bearing_number: float, *, linear: bool = False
+    design: Design,
+    rotor_mass: float,
+    bearing_number: float,
+    *,
+    linear: bool = False,
+    words: bool = True,
 ) -> bool:
-    """Whether another process is still compiling; then what is known of the point, and how long it
-    takes, are on the page.
+    """Whether another process is still compiling; then what is known of the point (with ``words``),
+    and how long it takes, are on the page.
 
     The page runs again by itself once the solver is there; with ``linear``, what linear theory
     needs of it, which is there before the rest."""
     if not _compiling(linear):
         return False
-    st.info(known_words(design, rotor_mass, bearing_number))
+    if words:
+        st.info(known_words(design, rotor_mass, bearing_number))
     st.fragment(_watch, run_every=_EVERY)(linear)
     return True
 
@@ -113,11 +126,9 @@ def known_words(design: Design, rotor_mass: float, bearing_number: float) -> str
     if found := predicted_point(rotor_mass, bearing_number):
         told.append(
             f"**Predicted** for this point by the model {found.model.label}, trained on "
-            f"{found.training_cells:,} cells "
-            f"of the map: MLE {found.mle:+.3f} per revolution, {CONFIDENCE:.0%} interval "
-            f"{found.low:+.3f} to "
-            f"{found.high:+.3f}; {found.regime}, not periodic with a probability of "
-            f"{found.probability_unstable:.0%}."
+            f"{found.training_cells:,} cells of the map: MLE {found.mle:+.3f} per revolution, "
+            f"{CONFIDENCE:.0%} interval {found.low:+.3f} to {found.high:+.3f}; {found.regime}, not "
+            f"periodic with a probability of {found.probability_unstable:.0%}."
         )
     return "\n".join([f"{head}What is known of this point:", "", *(f"- {text}" for text in told)])
 
@@ -127,6 +138,5 @@ def _cell_words(m: StabilityMap, cell: tuple[int, int]) -> str:
     peak = f", largest eccentricity {m.max_eccentricity[cell]:.3f}" if m.regime[cell] else ""
     return (
         f"**From the shipped map**, the cell nearest to it (Λ {m.bearing_number[row]:.4g}, "
-        f"{m.rotor_mass[column]:.4g} kg): "
-        f"{m.cell_text(row, column)} per revolution{peak}."
+        f"{m.rotor_mass[column]:.4g} kg): {m.cell_text(row, column)} per revolution{peak}."
     )

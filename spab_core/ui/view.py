@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from spab_core.active_learning.quick_map import SECONDS
 from spab_core.common.errors import InputError
 from spab_core.common.units import from_rpm
-from spab_core.common.validation import check_number
+from spab_core.common.validation import check_choice, check_number
 from spab_core.design.form import FIELDS, to_form
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.design.model import Design, reference_design
@@ -31,9 +32,11 @@ from spab_core.plotting.map import LAYERS
 from spab_core.plotting.point import QUANTITIES
 from spab_core.plotting.surrogates import REFINE_LAYERS
 from spab_core.shipped.model_store import DEFAULT
-from spab_core.solver.film import DEFAULT_MESH, SCHEMES, parse_mesh
+from spab_core.solver.film import AUTO, parse_mesh
 from spab_core.solver.stepping import METHODS
 from spab_core.surrogates.models import DIVISORS, MODELS
+
+T = TypeVar("T")
 
 LINES = ("paper", *VARY)  # of the page of lines: the paper's two, or one through the chosen point
 _LONGEST = 100  # characters of a value in the address that are looked at
@@ -50,12 +53,11 @@ class Field:
     write: Callable[[Any], str] = str
 
 
-def _one_of(name: str, allowed) -> Callable[[str], Any]:
+def _one_of(name: str, allowed: Iterable[object]) -> Callable[[str], Any]:
     by_text = {str(a): a for a in allowed}
 
-    def read(text: str):
-        if text not in by_text:
-            raise InputError(f"{name} = {text!r} is not allowed: choose {', '.join(by_text)}")
+    def read(text: str) -> object:
+        check_choice(name, text, by_text)
         return by_text[text]
 
     return read
@@ -64,7 +66,7 @@ def _one_of(name: str, allowed) -> Callable[[str], Any]:
 def _number(
     name: str, low: float, high: float, unit: str = "", whole: bool = False
 ) -> Callable[[str], float]:
-    def read(text: str):
+    def read(text: str) -> float:
         try:
             value = int(text) if whole else float(text)
         except ValueError:
@@ -77,7 +79,7 @@ def _number(
     return read
 
 
-def _some_of(name: str, allowed) -> Callable[[str], Any]:
+def _some_of(name: str, allowed: Iterable[object]) -> Callable[[str], Any]:
     one = _one_of(name, allowed)
     return lambda text: [one(word) for word in text.split(",")]
 
@@ -87,7 +89,7 @@ def _mesh(text: str) -> str:
 
 
 def _axis(name: str) -> Callable[[str], str]:
-    def read(text: str):
+    def read(text: str) -> str:
         if text:
             axis(text, name)
         return text
@@ -114,9 +116,8 @@ VIEW: dict[str, Field] = {
     "divisor": Field(DEFAULT[1], _one_of("divisor", DIVISORS)),
     "draw": Field(0, _number("draw", 0, 999, whole=True)),
     "method": Field(METHODS[0], _one_of("method", METHODS)),
-    "mesh": Field(str(DEFAULT_MESH), _mesh),
-    "scheme": Field(SCHEMES[0], _one_of("scheme", SCHEMES)),
-    "transient": Field(200, _number("transient", 0, 5000, "revolutions", whole=True)),
+    "mesh": Field(str(AUTO), _mesh),
+    "transient": Field(300, _number("transient", 30, 5000, "revolutions", whole=True)),
     "line": Field(LINES[0], _one_of("line", LINES)),
     "mass_from": Field(0.1, _number("mass_from", *ROTOR_MASS_RANGE, "kg"), "{:.6g}".format),
     "mass_to": Field(25.0, _number("mass_to", *ROTOR_MASS_RANGE, "kg"), "{:.6g}".format),
@@ -125,7 +126,7 @@ VIEW: dict[str, Field] = {
     "points": Field(200, _number("points", 2, 2000, whole=True)),
     "sweeps": Field(["cold"], _some_of("sweeps", SWEEPS), ",".join),
     "coordinates": Field(["X2", "Y2"], _some_of("coordinates", COORDINATES), ",".join),
-    "revolutions": Field(200, _number("revolutions", 20, 5000, "revolutions", whole=True)),
+    "revolutions": Field(300, _number("revolutions", 20, 5000, "revolutions", whole=True)),
     "tab": Field(POINT_TABS[0], _one_of("tab", POINT_TABS)),
     "compare": Field(False, _one_of("compare", (True, False))),
     "same": Field(SAME[0], _one_of("same", SAME)),
@@ -161,6 +162,7 @@ _DESIGN = (
     "_design"  # values of the design that differ from the reference, {"bearing.clearance": 3e-5}
 )
 _KEPT = "_view"  # all values as they were when the last run of a page began
+_WRITTEN = "_written"  # the address of the last run
 _TOLD = "_told"  # a sentence for the next page
 
 
@@ -190,8 +192,10 @@ def open_view() -> list[str]:
         key: entry.write(state[key]) for key, entry in VIEW.items() if state[key] != entry.default
     }
     wanted |= {key: repr(value) for key, value in state[_DESIGN].items()}
-    if st.query_params.to_dict() != wanted:
+    # the browser may come with an address that it had before the last one reached it
+    if st.query_params.to_dict() != wanted or state.get(_WRITTEN, wanted) != wanted:
         st.query_params.from_dict(wanted)
+    state[_WRITTEN] = wanted
     return complaints
 
 
@@ -244,7 +248,7 @@ def is_reference() -> bool:
 
 
 def set_design(design: Design) -> None:
-    """Make this the design that the user works on; it stands in the address from the next run on."""
+    """Make this the design that the user works on; the next run writes it to the address."""
     usual = reference_design().to_dict()
     st.session_state[_DESIGN] = {
         f"{part}.{key}": value
@@ -282,7 +286,7 @@ def set_speed(design: Design, rotor_mass: float, speed_rpm: float) -> None:
     set_point(rotor_mass, nearest)
 
 
-def show_usual(key: str, usual: Any, limits: tuple[float, float] | None = None) -> dict:
+def show_usual(key: str, usual: Any, limits: tuple[float, float] | None = None) -> dict[str, Any]:
     """Options of a widget for a value of the view that is usually another one with each design or
     point.
 
@@ -304,10 +308,37 @@ def show_usual(key: str, usual: Any, limits: tuple[float, float] | None = None) 
     if limits:
         state[shown] = min(max(state[shown], limits[0]), limits[1])
 
-    def changed():
+    def changed() -> None:
         state[key] = type(usual)() if state[shown] in (None, usual) else state[shown]
 
     return {"key": shown, "on_change": changed}
+
+
+def number_field(
+    label: str, low: float, high: float, *, place: DeltaGenerator | None = None, **options: Any
+) -> float:
+    """Show a field for a number of the view and return the number.
+
+    ``options`` are those of ``st.number_input``; an emptied field has its last number in the next
+    run (:func:`open_view`, :func:`show_usual`).
+    """
+    show = place.number_input if place else st.number_input
+    value = show(label, low, high, None, **options)
+    assert value is not None
+    return value
+
+
+def choice(
+    label: str, allowed: Sequence[T], *, place: DeltaGenerator | None = None, **options: Any
+) -> T:
+    """Show a button for each allowed value of the view and return the value of the pressed one.
+
+    ``options`` are those of ``st.segmented_control``.
+    """
+    show = place.segmented_control if place else st.segmented_control
+    value: T | None = show(label, allowed, required=True, **options)
+    assert value is not None  # the view has one of them from the start
+    return value
 
 
 def design_words() -> str:

@@ -35,6 +35,17 @@ def until_done(at, seconds=150):
     return at.run()
 
 
+def complaints(at):
+    """Errors that a page tells; a verdict, which has an icon, is none."""
+    return [error.value for error in at.error if not error.icon]
+
+
+def verdicts(at):
+    """The boxes that say what a motion is worth."""
+    boxes = [box for kind in ("success", "warning", "error") for box in at.get(kind)]
+    return [box.value.replace("**", "") for box in boxes if box.icon]
+
+
 def address(at):
     """What stands in the page's address: a text each, of which AppTest of Streamlit 1.64 makes a
     list.

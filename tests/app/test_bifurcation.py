@@ -11,9 +11,8 @@ from streamlit.testing.v1 import AppTest
 from spab_core.jobs.store import list_jobs
 from spab_core.maps.bifurcation import SWEEPS, load_bifurcation
 from spab_core.plotting.lines import COORDINATES, SWEEP_COLOURS
-from spab_core.shipped import manifest as artifacts
 from spab_core.ui import lines
-from tests.app.conftest import until_done
+from tests.app.conftest import complaints, until_done
 from tests.conftest import ROOT
 
 PAGE = str(next((ROOT / "pages").glob("*_Bifurcation.py")))
@@ -59,20 +58,18 @@ def words(at):
 
 def test_the_papers_lines_open_at_once():
     at = opened()
-    assert not at.exception and not at.error
+    assert not at.exception and not complaints(at)
     over_mass, over_number = figures(at)
     for figure in (over_mass, over_number):
         assert panels(figure) == ["X₂ / C (journal)", "Y₂ / C (journal)", "MLE<br>per revolution"]
-        assert {"rect", "line"} <= {shape["type"] for shape in figure["layout"]["shapes"]}
+        assert "line" in {shape["type"] for shape in figure["layout"]["shapes"]}
+    chaos = [shape for shape in over_mass["layout"]["shapes"] if shape["type"] == "rect"]
+    assert chaos
     assert over_mass["layout"]["xaxis3"]["title"]["text"] == "Rotor mass on one bearing, kg"
     assert over_number["layout"]["xaxis3"]["title"]["text"] == "Bearing number Λ"
     assert "rpm" in over_number["layout"]["xaxis99"]["title"]["text"]
-    mass_table, number_table = (table.value for table in at.dataframe)
+    (mass_table,) = (table.value for table in at.dataframe)  # no chaos along the other
     assert list(mass_table) == ["first", "last"] and mass_table["last"].max() == 25.0
-    assert (
-        list(number_table) == ["first", "last", "first_rpm", "last_rpm"]
-        and (number_table["first_rpm"] > 7000).all()
-    )
     assert any(
         "--vary rotor-mass --at 3.45 --range 0.1:25:500 --sweeps cold" in code.value
         for code in at.code
@@ -84,21 +81,21 @@ def test_every_sweep_and_coordinate_alone_all_and_none():
     at = opened()
     for chosen in (*([k] for k in COORDINATES), list(COORDINATES), []):
         at.button_group(key="coordinates").set_value(chosen).run()
-        assert not at.exception and not at.error
+        assert not at.exception and not complaints(at)
         titles = [
             title[0] + {"₁": "1", "₂": "2"}[title[1]] for title in panels(figures(at)[0])[:-1]
         ]
         assert titles == (chosen or ["X2", "Y2"])
     for chosen in (*([k] for k in SWEEPS), list(SWEEPS), []):
         at.button_group(key="sweeps").set_value(chosen).run()
-        assert not at.exception and not at.error
+        assert not at.exception and not complaints(at)
         colours = {t["marker"]["color"] for t in figures(at)[0]["data"] if t["type"] == "scattergl"}
         assert colours == {SWEEP_COLOURS[k] for k in chosen or ["cold"]}
 
 
 def test_who_has_a_point_of_their_own_sees_the_line_through_it():
     at = opened(rotor_mass="18", bearing_number="4.5")
-    assert not at.exception and not at.error
+    assert not at.exception and not complaints(at)
     (figure,) = figures(at)  # the exponent, as the map has it
     assert any(
         shape["type"] == "line" and shape["x0"] == 18.0 for shape in figure["layout"]["shapes"]
@@ -114,7 +111,7 @@ def test_who_has_a_point_of_their_own_sees_the_line_through_it():
 
 def test_a_design_of_their_own_has_no_map_to_look_at():
     at = opened(**{"bearing.clearance": "3e-05"})
-    assert not at.exception and not at.error
+    assert not at.exception and not complaints(at)
     assert not figures(at) and at.button(key="line_job_start")
     at.button_group(key="line").set_value("paper").run()
     assert len(figures(at)) == 2  # of the reference bearing: their point is none of it
@@ -144,10 +141,10 @@ def test_every_control_at_its_ends(line, along):
                 >= at.number_input(key=f"{along}_to").value
             )
             assert bool(at.error) == upside_down, (key, end)
-            assert not at.error or "start before stop" in at.error[0].value
+            assert not complaints(at) or "start before stop" in at.error[0].value
         at.number_input(key=key).set_value(usual).run()
     at.button_group(key="method").set_value("dtm").run()
-    assert not at.exception and not at.error
+    assert not at.exception and not complaints(at)
 
 
 @pytest.mark.parametrize("mesh", ["4", "4x", "x", "1x16", "4x4800", "four by eight"])
@@ -162,16 +159,14 @@ def test_a_live_line_is_computed_once():
     at = opened(**TINY)
     assert at.button(key="line_job_start").label.startswith("Compute 3 points")
     at.button(key="line_job_start").click().run()
-    assert not at.exception and not at.error and at.button(key="line_job_cancel")
+    assert not at.exception and not complaints(at) and at.button(key="line_job_cancel")
     assert len(list_jobs()) == 1
     again = opened(**TINY)  # a reload meets the same job
     assert len(list_jobs()) == 1
     for page in (until_done(at), again.run()):
-        assert not page.exception and not page.error
+        assert not page.exception and not complaints(page)
         (figure,) = figures(page)
-        assert (
-            panels(figure)[0] == "X₂ / C (journal)" and len(page.dataframe) + len(page.success) == 1
-        )
+        assert panels(figure)[0] == "X₂ / C (journal)" and len(page.dataframe) + len(page.info) == 1
     (job,) = list_jobs()
     assert job.state == "done" and list(load_bifurcation(job.result).values) == [4.0, 5.0, 6.0]
     assert any("--mesh 2x16" in code.value and "--range 4:6:3" in code.value for code in at.code)
@@ -213,7 +208,7 @@ def test_a_damaged_job_can_be_started_again():
         and at.button(key="line_job_start").label == "Try again"
     )
     at.button(key="line_job_start").click().run()
-    assert not at.exception and not at.error and len(figures(until_done(at))) == 1
+    assert not at.exception and not complaints(at) and len(figures(until_done(at))) == 1
 
 
 def test_a_damaged_result_and_missing_files_are_sentences(tmp_path, monkeypatch):
@@ -226,6 +221,5 @@ def test_a_damaged_result_and_missing_files_are_sentences(tmp_path, monkeypatch)
     at.run()
     assert not at.exception and "cannot read" in at.error[0].value
     monkeypatch.setattr(lines, "ARTIFACTS", tmp_path)
-    monkeypatch.setattr(artifacts.checked_path, "__defaults__", (tmp_path,))
     at = opened()
-    assert not at.exception and len(at.error) == 1
+    assert not at.exception and len(complaints(at)) == 1

@@ -1,4 +1,4 @@
-"""Where a figure's mark is drawn, so that the browser need not draw the figure again after a click."""
+"""Where a figure's mark is drawn, so that the browser need not redraw the figure after a click."""
 
 import pytest
 from streamlit.testing.v1 import AppTest

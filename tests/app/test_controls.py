@@ -6,6 +6,7 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
+from spab_core.plotting.map import LAYERS
 from spab_core.surrogates.models import DIVISORS
 from spab_core.ui.view import CELLS, JUDGED, LINES, METRICS, SAME, VIEW
 from tests.conftest import ROOT
@@ -24,12 +25,13 @@ STATES = [(name, {}) for name in PAGES] + [
             "bearing.clearance": "3e-05",
             "compare": "True",
             "mesh": "2x16",
-            "transient": 20,
+            "transient": 30,
             "revolutions": 20,
         },
     ),
 ]
 RAW = {
+    "layer": LAYERS,
     "line": LINES,
     "same": SAME,
     "divisor": DIVISORS,

@@ -2,15 +2,22 @@
 solve takes its place.
 """
 
+import shutil
+
 import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
 from spab_core.design.model import reference_design
-from spab_core.shipped.manifest import load_reference_map
+from spab_core.shipped.manifest import (
+    ARTIFACTS,
+    REFERENCE_MAP,
+    load_reference_map,
+    write_manifest,
+)
 from spab_core.trajectory import compiling
 from spab_core.ui import shared, solving
-from tests.app.conftest import until_done
+from tests.app.conftest import until_done, verdicts
 from tests.conftest import ROOT
 
 POINT = {"bearing_number": "4.5", "rotor_mass": "18"}
@@ -67,8 +74,7 @@ def test_what_is_known_comes_first_and_the_solve_takes_its_place(path, compiler,
     told = known(at)
     assert all(
         f"the cell nearest to it (Λ 4.5, 18 kg): {m.cell_text(*cell)} per revolution, largest "
-        "eccentricity "
-        f"{m.max_eccentricity[cell]:.3f}"
+        f"eccentricity {m.max_eccentricity[cell]:.3f}"
         in text
         and "Predicted" in text
         and "90% interval" in text
@@ -96,6 +102,7 @@ def test_linear_theory_does_not_wait_for_the_rest(compiler, monkeypatch):
     monkeypatch.setattr(solving, "is_linear_compiled", lambda: True)
     at.run()
     assert not at.exception and not known(at) and at.metric
+    assert ["The motion with unbalance is not solved" in text for text in verdicts(at)] == [True]
 
 
 def test_a_compiler_that_takes_long_is_not_said_to_take_less(compiler):
@@ -113,8 +120,7 @@ def test_nothing_is_claimed_of_an_own_design(compiler):
     at = page("pages/1_Operating_point.py", **POINT, **OWN)
     assert known(at) == [
         "**Not solved yet.** Nothing is known of this design before: the shipped map and its "
-        "models are of "
-        "the reference bearing."
+        "models are of the reference bearing."
     ]
 
 
@@ -138,8 +144,7 @@ def test_a_failed_compiler_is_said_and_the_page_compiles_itself(compiler, monkey
     at = page("app.py", **POINT)
     assert said == [
         "First run on this machine: compiling the solver here, as its process ended with code 1: "
-        "no room. This "
-        "takes about 20 s, once."
+        "no room. This takes about 20 s, once."
     ]
     assert not known(at)
 
@@ -148,6 +153,8 @@ def test_words_without_a_shipped_prediction_or_outside_the_map(monkeypatch, tmp_
     st.cache_resource.clear()
     design = reference_design()
     assert "Predicted" in solving.known_words(design, 18.0, 4.5)
+    shutil.copy(ARTIFACTS / REFERENCE_MAP, tmp_path)
+    write_manifest(tmp_path)
     monkeypatch.setattr(shared, "ARTIFACTS", tmp_path)
     st.cache_resource.clear()
     told = solving.known_words(design, 18.0, 4.5)

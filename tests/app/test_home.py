@@ -15,11 +15,10 @@ from spab_core.design.model import reference_design
 from spab_core.maps.margin import margin
 from spab_core.plotting.map import LAYERS, SURROGATE
 from spab_core.plotting.theme import CHOSEN
-from spab_core.shipped import manifest as artifacts
 from spab_core.shipped.manifest import load_reference_map
 from spab_core.surrogates.models import MODELS
 from spab_core.ui import shared, solving
-from tests.app.conftest import address
+from tests.app.conftest import address, complaints, verdicts
 from tests.conftest import ROOT
 
 APP = str(ROOT / "app.py")
@@ -39,10 +38,6 @@ def charts(at):
     return {k: json.loads(c.proto.spec) for k, c in enumerate(at.get("plotly_chart"))}
 
 
-def verdict(at):
-    return [box.value for kind in ("success", "warning", "error") for box in at.get(kind)]
-
-
 def mark(at):
     """Bearing number and rotor mass of the mark on the map."""
     trace = next(t for t in charts(at)[0]["data"] if t.get("name") == CHOSEN)
@@ -51,7 +46,10 @@ def mark(at):
 
 def test_first_view(app):
     assert not app.exception
-    assert len(verdict(app)) == 1 and verdict(app)[0].endswith(".")
+    assert len(verdicts(app)) == 1 and verdicts(app)[0].startswith(
+        "Half-speed whirl, locked to the rotation; 87 % of the clearance, least film 4.6 µm: not "
+        "recommended."
+    )
     assert {m.label for m in app.metric} == {
         "MLE per revolution",
         "Max. eccentricity",
@@ -63,7 +61,8 @@ def test_first_view(app):
     cells = next(t for t in figures[0]["data"] if t["type"] == "heatmap")
     assert np.shape(cells["text"]) == m.shape[::-1]
     row, column = m.nearest(18.0, 4.5)
-    assert cells["text"][column][row] == m.regime[row, column] == "chaotic"
+    assert m.regime[row, column] == "chaotic"
+    assert cells["text"][column][row] == "chaotic<br>not recommended"
     assert mark(app) == [3.45, 4.52]
     for figure in figures.values():
         assert (
@@ -84,28 +83,31 @@ def test_until_plotly_is_wanted_there_are_plain_pictures():
     """
     st.cache_resource.clear()
     at = AppTest.from_file(APP, default_timeout=240).run()
-    assert not at.exception and not at.error and len(verdict(at)) == 1
+    assert not at.exception and not complaints(at) and len(verdicts(at)) == 1
     assert not at.get("plotly_chart")
-    pictures = [h.proto.body for h in at.get("html") if "spab-still" in h.proto.body]
+    pictures = [h.proto.body for h in at.get("html") if "spab-picture" in h.proto.body]
     assert (
         len(pictures) == 2
         and "border of chaos" in pictures[0]
         and "Orbits, last 48 revolutions" in pictures[1]
     )
-    picture = shared.map_still("MLE", "theory-trees", 8, 0)
+    picture = shared.map_picture("Assessment", "theory-trees", 8, 0)
     assert pictures[0].endswith(picture.marked(3.45, 4.52))
     assert picture.shape == load_reference_map().shape
     at.session_state["plotly_wanted"] = True
     at.run()
     assert not at.exception and len(at.get("plotly_chart")) == 2 and mark(at) == [3.45, 4.52]
-    assert sum("spab-still" in h.proto.body for h in at.get("html")) == 2  # until Plotly has drawn
+    assert (
+        sum("spab-picture" in h.proto.body for h in at.get("html")) == 2
+    )  # until Plotly has drawn
 
 
 def test_the_margin_stands_on_the_page(app):
     words = " ".join(x.value for x in app.markdown)
     found = margin(load_reference_map(), 4.52, 3.45)
     assert found.headline() in words and all(text in words for text in found.sentences())
-    assert "Linear stability threshold at this speed: 23.6 kg" in words
+    assert "Linear stability threshold at this speed: 23.2 kg" in words
+    assert "Regimes alone, read off the map" in words and "Solved margin" not in words
     assert any("Linearly unstable, yet" in c.value for c in app.caption)
 
 
@@ -115,12 +117,16 @@ def test_every_layer_is_drawn(app, layer):
         before = charts(app)[0]["data"]
         app.button_group(key="layer").select(layer).run()
         assert charts(app)[0]["data"] != before
-    assert not app.exception and not app.error
+    assert not app.exception and not complaints(app)
     data = charts(app)[0]["data"]
     assert sum(t["type"] == "heatmap" for t in data) == 1
     assert {"border of chaos", "linear stability threshold", CHOSEN} <= {
         t.get("name") for t in data
     }
+    if layer == "Assessment":
+        assert {"good", "to be watched", "not recommended"} == {
+            t["name"] for t in data if t.get("marker", {}).get("symbol") == "square"
+        }
     if layer == "Regime":
         assert {"periodic-1", "quasi-periodic", "chaotic"} <= {t.get("name") for t in data}
     heatmap = next(t for t in data if t["type"] == "heatmap")
@@ -141,7 +147,7 @@ def test_the_predicted_layer_is_of_the_chosen_model_and_fraction(app):
     for model, divisor in (("mlp", 8), ("tree", 8), ("tree", 2)):
         app.session_state["model"], app.session_state["divisor"] = model, divisor
         app.run()
-        assert not app.exception and not app.error
+        assert not app.exception and not complaints(app)
         assert any(
             f"Predicted by {MODELS[model].label} from n/{divisor}" in c.value for c in app.caption
         )
@@ -155,7 +161,7 @@ def test_typed_values_are_solved_and_marked(app, mass, number):
     app.number_input(key="bearing_number").set_value(number).run()
     assert not app.exception
     assert f"at Λ {number:.4g} and {mass:.4g} kg" in app.caption[-1].value
-    assert len(verdict(app)) == 1 and any("edge of the map" in x.value for x in app.markdown)
+    assert len(verdicts(app)) == 1 and any("edge of the map" in x.value for x in app.markdown)
     assert mark(app) == [number, mass]
     assert app.number_input(key="rpm").value == pytest.approx(
         load_reference_map().design.speed_rpm(number), rel=1e-5
@@ -165,7 +171,7 @@ def test_typed_values_are_solved_and_marked(app, mass, number):
 def test_a_typed_speed_sets_the_bearing_number(app):
     design = load_reference_map().design
     app.number_input(key="rpm").set_value(10_200.0).run()
-    assert not app.exception and not app.error
+    assert not app.exception and not complaints(app)
     assert design.speed_rpm(app.session_state["bearing_number"]) == pytest.approx(
         10_200.0, rel=1e-5
     )
@@ -179,7 +185,7 @@ def test_a_typed_speed_sets_the_bearing_number(app):
     assert not app.exception and app.number_input(key="rotor_mass").value == 4.52
     for speed in (app.number_input(key="rpm").min, app.number_input(key="rpm").max):
         app.number_input(key="rpm").set_value(speed).run()
-        assert not app.exception and len(verdict(app)) == 1
+        assert not app.exception and len(verdicts(app)) == 1
 
 
 def test_outside_the_map_there_is_no_margin(app):
@@ -199,8 +205,28 @@ def test_wrong_values_in_the_address_are_told():
         "1",
     )
     at.run()
-    assert not at.exception and len(at.error) == 3
-    assert at.session_state["rotor_mass"] == 4.52 and at.session_state["layer"] == "MLE"
+    assert not at.exception and len(complaints(at)) == 3
+    assert at.session_state["rotor_mass"] == 4.52 and at.session_state["layer"] == "Assessment"
+
+
+def test_a_margin_is_solved_on_the_click_and_kept():
+    st.cache_resource.clear()
+    at = AppTest.from_file(APP, default_timeout=240)
+    at.query_params["bearing.clearance"] = "3e-05"
+    at.run()
+    at.button(key="solve_margin").click().run()
+    assert not at.exception and not complaints(at)
+
+    def told():
+        return [x.value for x in at.markdown if "Solved margin" in x.value]
+
+    (words,) = told()
+    assert "**Solved margin: going " in words and "Up in speed, looked at to" in words
+    assert "±" in words and "redicted" not in words
+    at.run()
+    assert told() == [words] and "solve_margin" not in {b.key for b in at.button}
+    at.number_input(key="rotor_mass").set_value(5.0).run()
+    assert not told() and "solve_margin" in {b.key for b in at.button}
 
 
 def test_an_own_design_is_solved_and_the_map_says_whose_it_is():
@@ -208,7 +234,7 @@ def test_an_own_design_is_solved_and_the_map_says_whose_it_is():
     at = AppTest.from_file(APP, default_timeout=240)
     at.query_params["bearing.clearance"] = "3e-05"
     at.run()
-    assert not at.exception and not at.error
+    assert not at.exception and not complaints(at)
     assert "reference bearing" in at.info[0].value and "30 µm" in " ".join(
         x.value for x in at.markdown
     )
@@ -262,8 +288,9 @@ def test_a_rotor_that_lies_on_the_wall_is_said_to(app):
     app.number_input(key="rotor_mass").set_value(1000.0)
     app.number_input(key="bearing_number").set_value(0.01).run()
     assert not app.exception
-    (words,) = verdict(app)
-    assert "100.0 % of the time the film is thinner than a tenth of the clearance" in words
+    (words,) = verdicts(app)
+    assert "not recommended" in words and "the wall carries 100 % of the weight" in words
+    assert any("Why: contact in 100 % of the time" in c.value for c in app.caption)
     assert float(app.metric[1].value) > 0.97  # largest eccentricity
     assert app.metric[2].value == "100.0 %"
 
@@ -275,7 +302,8 @@ def test_touchdown_is_said_in_words():
     at.query_params["rotor_mass"], at.query_params["bearing_number"] = "25", "0.5"
     at.run()
     assert not at.exception
-    assert ["No exponent: the journal touched the wall."] == verdict(at)
+    (words,) = verdicts(at)
+    assert words.startswith("The run failed (the journal touched the wall): not recommended.")
     assert not at.metric
 
 
@@ -292,7 +320,7 @@ def test_a_first_run_says_that_it_compiles(monkeypatch):
 
 def test_a_damaged_map_is_said_in_words(monkeypatch, tmp_path):
     st.cache_resource.clear()
-    monkeypatch.setattr(artifacts.load_reference_map, "__defaults__", (tmp_path,))
+    monkeypatch.setattr(shared, "ARTIFACTS", tmp_path)
     at = AppTest.from_file(APP, default_timeout=60).run()
     assert not at.exception
     assert any("manifest" in e.value for e in at.error)

@@ -21,10 +21,11 @@ from spab_core.trajectory.point_file import load_point
 from spab_core.trajectory.settings import Settings
 from spab_core.ui import point as ui
 from spab_core.ui.view import POINT_TABS
+from tests.app.conftest import complaints, verdicts
 from tests.conftest import ROOT
 
 PAGE = str(next((ROOT / "pages").glob("*_Operating_point.py")))
-COARSE = {"mesh": "2x16", "transient": 20, "revolutions": 20}
+COARSE = {"mesh": "2x16", "transient": 30, "revolutions": 20}
 pytestmark = pytest.mark.usefixtures("own_jobs")
 
 
@@ -33,10 +34,6 @@ def page(**state):
     for name, value in (COARSE | state).items():
         at.session_state[name] = value
     return at.run()
-
-
-def verdicts(at):
-    return [box.value for kind in ("success", "warning", "error") for box in at.get(kind)]
 
 
 def figures(at):
@@ -50,7 +47,9 @@ def numbers(array):
     return int(np.isfinite(np.array([np.nan if v is None else v for v in array], float)).sum())
 
 
-@pytest.mark.parametrize("mass, number, name", [(18.0, 4.5, "Chaotic"), (20.0, 2.0, "Periodic")])
+@pytest.mark.parametrize(
+    "mass, number, name", [(18.0, 4.5, "Chaotic"), (20.0, 2.0, "Repeats every")]
+)
 def test_every_tab_of_a_chaotic_and_a_periodic_point(mass, number, name):
     at = page(rotor_mass=mass, bearing_number=number, mesh="4x48", transient=200, revolutions=200)
     assert not at.exception and len(verdicts(at)) == 1 and verdicts(at)[0].startswith(name)
@@ -59,11 +58,13 @@ def test_every_tab_of_a_chaotic_and_a_periodic_point(mass, number, name):
     for tab in POINT_TABS:
         at.session_state["tab"] = tab
         at.run()
-        assert not at.exception and not [e for e in at.error if e.value != verdicts(at)[0]]
+        assert not at.exception and not complaints(at)
         drawn = figures(at)
         assert len(drawn) == count.get(tab, 1), tab
         for figure in drawn:  # no plot is empty, every axis has a title
-            assert sum(numbers(t["y"]) for t in figure["data"]) > 20, tab
+            # the exponent of a settled orbit: an estimate after each product with its matrix
+            least = 2 if tab == "Exponent" else 20
+            assert sum(numbers(t["y"]) for t in figure["data"]) > least, tab
             if tab != "Film 3-D":
                 titles = [
                     a["title"]["text"] for k, a in figure["layout"].items() if k.startswith("yaxis")
@@ -172,7 +173,7 @@ def test_a_failed_point_shows_its_run_up():
     at = page(rotor_mass=25.0, bearing_number=0.5, _design={"contact.force_at_closure": 0.0})
     assert (
         not at.exception
-        and verdicts(at) == ["No exponent: the journal touched the wall."]
+        and verdicts(at)[0].startswith("The run failed (the journal touched the wall)")
         and not at.metric
     )
     assert len(figures(at)) == 1 and any(
@@ -195,12 +196,10 @@ def test_a_wrong_mesh_is_said_in_words(mesh):
 
 def test_solver_controls_at_their_ends():
     at = page()
-    for key, low, high in (("transient", 0, 40), ("revolutions", 20, 60)):
+    for key, low, high in (("transient", 30, 40), ("revolutions", 20, 60)):
         for value in (low, high):
             at.number_input(key=key).set_value(value).run()
             assert not at.exception and len(verdicts(at)) == 1
-    at.button_group(key="scheme").select("plain").run()
-    assert not at.exception and "--scheme plain" in at.code[-1].value
     at.button_group(key="method").select("dtm").run()
     assert not at.exception and at.metric and "--method dtm" in at.code[-1].value
 
@@ -212,24 +211,28 @@ def test_long_work_is_asked_for_as_a_job():
 
 
 def test_expected_seconds_follow_the_measured_runs():
-    """400 revolutions, one core: 4x48 rodas 0.17 s; dtm at 4x24 7.6 s, at 4x48 14.6 s (bearing
-    number 3.45).
-    """
-    for mesh, method, measured in (
-        ("4x48", "rodas", 0.17),
-        ("8x128", "rodas", 1.4),
-        ("4x24", "dtm", 7.5),
-        ("4x48", "dtm", 14.6),
-        ("2x16", "dtm", 0.6),
+    """Milliseconds a revolution at 18 kg, one core (``benchmarks/live.py --costs``)."""
+    for mesh, method, number, measured in (
+        ("2x16", "rodas", 4.5, 0.074),
+        ("3x16", "rodas", 4.5, 0.126),
+        ("3x24", "rodas", 4.5, 0.236),
+        ("8x16", "rodas", 4.5, 0.727),
+        ("4x48", "rodas", 4.5, 1.81),
+        ("8x32", "rodas", 4.5, 3.01),
+        ("2x16", "dtm", 4.5, 0.430),
+        ("3x16", "dtm", 1.5, 5.14),
+        ("6x16", "dtm", 4.5, 47.2),
+        ("4x48", "dtm", 4.5, 30.7),
+        ("4x48", "dtm", 1.5, 85.1),
     ):
-        told = expected_seconds(Settings(mesh, method, 200, 200), 3.45)
-        assert 0.7 * measured < told < 3.0 * measured, (mesh, method)
+        told = expected_seconds(Settings(mesh, method, 200, 200), number) / 400
+        assert 0.9 * measured < 1e3 * told < 1.7 * measured, (mesh, method)
     assert expected_seconds(Settings(transient=200, revolutions=200), 3.45) < ui.LIVE_SECONDS
 
 
 def test_downloads_hold_everything(tmp_path, design):
     point = solve_point(
-        design, 18.0, 4.5, Settings("2x16", transient=20, revolutions=20), path_revolutions=20
+        design, 18.0, 4.5, Settings("2x16", transient=30, revolutions=20), path_revolutions=20
     )
     path = tmp_path / "point.npz"
     path.write_bytes(ui.point_npz(point))
@@ -241,14 +244,14 @@ def test_downloads_hold_everything(tmp_path, design):
         )
         assert data["film_pressure"].shape == data["film_thickness"].shape == (73, 16, 2)
     table = ui.orbit_table(point)
-    assert len(table) == 20 * 96 and table["tau"].iloc[0] == pytest.approx(2 * math.pi * 20)
+    assert len(table) == 20 * 96 and table["tau"].iloc[0] == pytest.approx(2 * math.pi * 30)
     for title, make in ui.figures_of(point).items():
         assert len(make().data), title
 
 
 def test_the_command_gives_the_same_answer(tmp_path, monkeypatch, capsys):
     at = page(
-        rotor_mass=18.0, bearing_number=4.5, scheme="plain", _design={"bearing.clearance": 30e-6}
+        rotor_mass=18.0, bearing_number=4.5, mesh="3x24", _design={"bearing.clearance": 30e-6}
     )
     words = shlex.split(at.code[-1].value)
     monkeypatch.chdir(tmp_path)

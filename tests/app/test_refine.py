@@ -16,9 +16,10 @@ from spab_core.active_learning import learning_curve
 from spab_core.active_learning.oracles import map_oracle
 from spab_core.active_learning.refine import last, refine, save_refinement
 from spab_core.plotting.surrogates import REFINE_LAYERS
-from spab_core.shipped import manifest as artifacts
+from spab_core.shipped import manifest
 from spab_core.shipped.manifest import REFINED, write_manifest
 from spab_core.ui import shared
+from tests.app.conftest import complaints
 from tests.conftest import ROOT
 from tests.maps import made_up_curve, map_of, with_hole
 
@@ -37,11 +38,9 @@ def small(tmp_path, monkeypatch):
     )
     write_manifest(tmp_path)
     curve(tmp_path, (0.2, 0.95), (0.3, 0.94), (0.4, 0.90))
-    monkeypatch.setattr(shared, "ARTIFACTS", tmp_path)
-    monkeypatch.setattr(artifacts.checked_bytes, "__defaults__", (tmp_path,))
-    monkeypatch.setattr(
-        learning_curve.load_learning_curve, "__defaults__", (tmp_path / "curve.csv",)
-    )
+    for module in (manifest, shared):
+        monkeypatch.setattr(module, "ARTIFACTS", tmp_path)
+    monkeypatch.setattr(learning_curve, "LEARNING_CURVE", tmp_path / "curve.csv")
     st.cache_resource.clear()
     return tmp_path
 
@@ -59,14 +58,14 @@ def figure(at, k):
 
 def test_every_layer_and_both_judgements(small):
     at = AppTest.from_file(PAGE, default_timeout=60).run()
-    assert not at.exception and not at.error
+    assert not at.exception and not complaints(at)
     assert (
         "0.250" in at.success[0].value and "0.350" in at.success[0].value
     )  # the means of the made-up curve
     seen = set()
     for layer in REFINE_LAYERS:
         at.button_group(key="refine_layer").select(layer).run()
-        assert not at.exception and not at.error
+        assert not at.exception and not complaints(at)
         traces = {t.get("name"): t for t in figure(at, 0)["data"]}
         assert {"solved (60)", "solve next (24)"} <= traces.keys()
         seen.add(json.dumps(next(t for t in figure(at, 0)["data"] if t["type"] == "heatmap")["z"]))
@@ -95,7 +94,7 @@ def test_the_points_to_solve_next_are_cells_not_solved(small, monkeypatch):
     assert len(table) == 24 and {"bearing_number", "rotor_mass_kg", "in_doubt"} <= set(
         table.columns
     )
-    refined = artifacts.load_reference_refinement(small)
+    refined = manifest.load_reference_refinement(small)
     row = [int(np.abs(refined.bearing_number - b).argmin()) for b in table["bearing_number"]]
     column = [int(np.abs(refined.rotor_mass - m).argmin()) for m in table["rotor_mass_kg"]]
     assert not refined.solved[row, column].any()
@@ -108,7 +107,9 @@ def test_the_points_to_solve_next_are_cells_not_solved(small, monkeypatch):
     ]
     points, curve, data = (make() for _, make in downloaded[2:])
     pd.testing.assert_frame_equal(pd.read_csv(io.BytesIO(points)), table)
-    assert len(pd.read_csv(io.BytesIO(curve))) == len(learning_curve.load_learning_curve())
+    assert len(pd.read_csv(io.BytesIO(curve))) == len(
+        learning_curve.load_learning_curve(small / "curve.csv")
+    )
     assert len(np.load(io.BytesIO(data))["bearing_number"]) == len(refined.bearing_number)
 
 

@@ -14,7 +14,8 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 AXES = """() => { const { xaxis, yaxis } = document.querySelector('.js-plotly-plot')._fullLayout;
     return {x: xaxis.range, y: yaxis.range}; }"""
-MARKED = """() => { const plot = document.querySelector('.js-plotly-plot'), layout = plot._fullLayout;
+MARKED = """() => {
+    const plot = document.querySelector('.js-plotly-plot'), layout = plot._fullLayout;
     const uid = plot._fullData.find(t => t.name === 'chosen point').uid;
     const mark = plot.querySelector(`.trace${uid} path.point`).getBoundingClientRect();
     const box = plot.querySelector('.nsewdrag').getBoundingClientRect();
@@ -22,7 +23,8 @@ MARKED = """() => { const plot = document.querySelector('.js-plotly-plot'), layo
             layout.xaxis.p2d(mark.left + mark.width / 2 - box.left)]; }"""
 
 
-PLACES = """() => ['.st-key-map_box .spab-plot', '.st-key-map .nsewdrag', '.st-key-map_box .spab-cross',
+PLACES = """() => ['.st-key-map_box .spab-plot', '.st-key-map .nsewdrag',
+                     '.st-key-map_box .spab-cross',
                      '.st-key-orbit_box .spab-plot', '.st-key-orbit .nsewdrag'].map(name => {
     const r = document.querySelector(name)?.getBoundingClientRect();
     return r && [r.left, r.top, r.right, r.bottom]; })"""
@@ -45,34 +47,36 @@ def test_the_map_answers_before_plotly_is_there(chromium, tools):
         page.get_by_text("Solved live").wait_for()
         page.wait_for_selector(".st-key-orbit_box .spab-plot")
         assert not held and not page.locator(".stPlotlyChart").count()
-        still, _, cross, orbit, _ = page.evaluate(PLACES)
-        assert place_on(still, cross, m) == pytest.approx([6.0, 7.0], abs=0.06)
+        picture, _, cross, orbit, _ = page.evaluate(PLACES)
+        assert place_on(picture, cross, m) == pytest.approx([6.0, 7.0], abs=0.06)
         row, column = m.nearest(18.0, 4.5)
         page.mouse.click(
             *(
-                still[k] + share * (still[k + 2] - still[k])
+                # a browser tells whole pixels: a cell is one and a half of them high
+                round(picture[k] + share * (picture[k + 2] - picture[k]))
                 for k, share in (
-                    (0, (row + 0.4) / m.shape[0]),
-                    (1, 1.0 - (column + 0.6) / m.shape[1]),
+                    (0, (row + 0.5) / m.shape[0]),
+                    (1, 1.0 - (column + 0.5) / m.shape[1]),
                 )
             )
         )
         page.get_by_text(point_words(m, row, column)).wait_for()
         assert "bearing_number=4.5&rotor_mass=18" in page.url
-        assert place_on(still, page.evaluate(PLACES)[2], m) == pytest.approx([4.5, 18.0], abs=0.06)
+        _, _, cross, orbit, _ = page.evaluate(PLACES)  # the words above the orbit are others now
+        assert place_on(picture, cross, m) == pytest.approx([4.5, 18.0], abs=0.06)
         page.wait_for_selector(
             "[data-testid=stSkeleton]", state="attached"
         )  # in the charts' places
-        assert held and page.locator(".spab-still img").first.is_visible()
+        assert held and page.locator(".spab-picture img").first.is_visible()
         Path(OUTPUT).mkdir(exist_ok=True)
-        page.screenshot(path=OUTPUT / "still.png")
+        page.screenshot(path=OUTPUT / "plain_picture.png")
         for route in held:
             route.continue_()
         tools.settled(page)
-        assert not page.locator(".spab-still img").first.is_visible()
+        assert not page.locator(".spab-picture img").first.is_visible()
         _, drawn, _, _, orbit_drawn = page.evaluate(PLACES)
         axes, mark = page.evaluate(AXES), page.evaluate(MARKED)
-    assert still == pytest.approx(drawn, abs=3.0) and orbit == pytest.approx(orbit_drawn, abs=3.0)
+    assert picture == pytest.approx(drawn, abs=3.0) and orbit == pytest.approx(orbit_drawn, abs=3.0)
     assert mark == pytest.approx([18.0, 4.5], abs=0.06)
     half = 0.5 * (m.bearing_number[1] - m.bearing_number[0])
     assert axes["x"] == pytest.approx([m.bearing_number[0] - half, m.bearing_number[-1] + half])
@@ -100,16 +104,16 @@ def test_plotly_comes_when_it_is_wanted_at_once(chromium, tools):
             page.goto(f"{address}/?bearing_number=6&rotor_mass=7")
             page.wait_for_selector("[data-answers]")
             page.get_by_text("Solved live").wait_for(timeout=240_000)
-            still = page.evaluate(PLACES)[0]
-            page.mouse.move(still[0] + 100, still[1] + 100)
+            picture = page.evaluate(PLACES)[0]
+            page.mouse.move(picture[0] + 100, picture[1] + 100)
             if drag:
                 page.mouse.down()
-                page.mouse.move(still[0] + 200, still[1] + 250, steps=4)
+                page.mouse.move(picture[0] + 200, picture[1] + 250, steps=4)
                 page.mouse.up()
             else:
                 page.mouse.wheel(0, 100)
             for k in range(100):  # a pointer that never rests would not ask for them by itself
-                page.mouse.move(still[0] + 200 + k, still[1] + 250)
+                page.mouse.move(picture[0] + 200 + k, picture[1] + 250)
                 if page.locator(".stPlotlyChart").count():
                     break
                 page.wait_for_timeout(100)
@@ -155,7 +159,8 @@ def zoomed_and_marked(page, m):
     """Zoom in, click two cells, zoom out: (rotor mass, bearing number) at the mark's place on the
     screen, zoomed and whole.
     """
-    box = page.evaluate("""() => { const r = document.querySelector('.js-plotly-plot .nsewdrag').getBoundingClientRect();
+    box = page.evaluate("""() => {
+        const r = document.querySelector('.js-plotly-plot .nsewdrag').getBoundingClientRect();
         return [r.left, r.top, r.width, r.height]; }""")
     page.mouse.move(box[0] + 0.3 * box[2], box[1] + 0.1 * box[3])
     page.mouse.down()

@@ -70,7 +70,8 @@ def click_cell(page, number, mass, axis=""):
     position = page.evaluate(
         """([x, y, axis]) => {
         const plot = document.querySelector('.js-plotly-plot'), layout = plot._fullLayout;
-        const box = plot.querySelector(`.nsewdrag[data-subplot="x${axis}y${axis}"]`).getBoundingClientRect();
+        const place = plot.querySelector(`.nsewdrag[data-subplot="x${axis}y${axis}"]`);
+        const box = place.getBoundingClientRect();
         return [box.left + layout['xaxis' + axis].d2p(x), box.top + layout['yaxis' + axis].d2p(y)];
     }""",
         [number, mass, axis],
@@ -100,13 +101,13 @@ def test_journey(address, tools):
         page.wait_for_url(f"**bearing_number={NUMBER:g}**")
         tools.settled(page)
         at_point(page)
-        page.get_by_text("Chaotic: ").first.wait_for()
+        page.get_by_text("Chaotic: never repeats").first.wait_for()
         page.screenshot(path=OUTPUT / "journey_1_map.png")
 
         go_to(page, tools, "Operating point")
         at_point(page)
         assert float(page.get_by_label("Bearing number Λ", exact=True).input_value()) == NUMBER
-        page.get_by_text("Chaotic: ").first.wait_for()
+        page.get_by_text("Chaotic: never repeats").first.wait_for()
         page.screenshot(path=OUTPUT / "journey_2_point.png")
 
         go_to(page, tools, "Bifurcation")
@@ -254,7 +255,8 @@ def test_every_page_on_a_narrow_screen(address, tools):
                 "Traceback" not in page.inner_text("body")
                 and not page.locator("[data-testid='stException']").count()
             )
-            over = page.evaluate("""() => [document.scrollingElement, document.querySelector("[data-testid='stMain']")]
+            over = page.evaluate("""() => [
+                document.scrollingElement, document.querySelector("[data-testid='stMain']")]
                 .map(box => box.scrollWidth - box.clientWidth)""")
             if max(over) > 0:
                 wide[name] = over

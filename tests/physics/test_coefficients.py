@@ -2,24 +2,31 @@
 of the whole system.
 """
 
+import json
 import math
 
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 
+from spab_core.cli.main import main
 from spab_core.common.errors import DesignError, InputError
 from spab_core.design.presets import preset
 from spab_core.linear_theory.coefficients import (
-    LEAST_STABLE,
+    FILM_WHIRL,
     NAMES,
     coefficients,
     coefficients_over_speed,
-    impedance,
+    coefficients_over_speed_and_frequency,
     least_stable_whirl,
 )
 from spab_core.linear_theory.equilibrium import concentric_stiffness
+from spab_core.linear_theory.film_whirl import film_whirl
+from spab_core.linear_theory.impedance import impedance
+from spab_core.linear_theory.modes import FILM_MODE, SHAFT_MODE, rotor_modes
+from spab_core.linear_theory.ross_table import coefficient_warnings
 from spab_core.linear_theory.whirl import linear_spectrum, whirl_thresholds
-from spab_core.solver.film import Mesh, build_film, film_index, film_size
+from spab_core.solver.film import Mesh, build_film, film_size
 from spab_core.solver.rotor import build_rotor
 from spab_core.solver.slope import build_work, slope
 from spab_core.solver.system import System
@@ -51,7 +58,8 @@ def static_force(design, mass, number, mesh, state, x, y):
         build_film(design, number, mesh),
         build_rotor(design, mass, number)._replace(ramp=0.0),
     )
-    cells, n, work = film_index(film).ravel(), film_size(film), build_work(film)
+    n, work = film_size(film), build_work(film)
+    cells = np.arange(n)
     state, out = state.copy(), np.zeros_like(state)
     rate = np.empty((len(cells), len(cells)))
 
@@ -102,13 +110,13 @@ def test_static_damping_is_the_limit_of_a_slow_whirl(design):
 @pytest.mark.parametrize("supply, feeding", [(1.0, 0.2168), (5.0, 1.0)])
 def test_the_centred_journal_has_the_concentric_stiffness(supply, feeding):
     d = fed_design(29, supply, feeding, **UNLOADED)
-    kxx, kyx = concentric_stiffness(d, 3.45, MESH)
+    kxx, kxy = concentric_stiffness(d, 3.45, MESH)
     static = impedance(d, 1.0, 3.45, MESH).at(0.0).real
-    np.testing.assert_allclose(static, [[kxx, kyx], [-kyx, kxx]], atol=1e-9)
+    np.testing.assert_allclose(static, [[kxx, kxy], [-kxy, kxx]], atol=1e-9)
 
 
 @pytest.mark.parametrize(
-    "edge, supply, feeding, number, kxx, kyx",
+    "edge, supply, feeding, number, kxx, kxy",
     [
         (29, 1.0, 0.0, 1.0, 0.02303, 0.23639),
         (29, 1.0, 0.2168, 3.45, 0.23024, 0.71509),
@@ -119,26 +127,26 @@ def test_the_centred_journal_has_the_concentric_stiffness(supply, feeding):
 )
 @pytest.mark.parametrize("ratio", [0.2, 0.75, 1.0])
 def test_whirl_of_the_centred_journal_is_a_change_of_bearing_number(
-    edge, supply, feeding, number, kxx, kyx, ratio
+    edge, supply, feeding, number, kxx, kxy, ratio
 ):
     """Seen from axes that turn with a circular whirl of ratio nu the film is steady, with Lambda (1
     - 2 nu) for Lambda. The values are those of the linearised boundary-value problem, solved to
     1e-9 independently of this code (docs/model.md)."""
     factor = 1.0 - 2.0 * ratio
     d = fed_design(edge, supply, feeding, **UNLOADED)
-    found = circular(impedance(d, 1.0, number / abs(factor), Mesh(6, 48)).at(1j * ratio))
-    wanted = complex(kxx, -math.copysign(kyx, factor))
-    assert abs(found - wanted) < 2e-3 * abs(wanted)
+    found = circular(impedance(d, 1.0, number / abs(factor), Mesh(8, 8)).at(1j * ratio))
+    wanted = complex(kxx, -math.copysign(kxy, factor))
+    assert abs(found - wanted) < 5e-5 * abs(wanted)
 
 
 def test_closed_sphere():
-    """The whole sphere, exact: K_xx + i K_yx = (4 pi/3) i L/(2 + i L) with L = Lambda (1 - 2 nu)
+    """The whole sphere, exact: K_xx + i K_xy = (4 pi/3) i L/(2 + i L) with L = Lambda (1 - 2 nu)
     under whirl (docs/model.md). The last half degree of latitude is open here."""
     d = fed_design(89.5, 1.0, 0.0, **UNLOADED)
     for number, ratio in ((0.3, 0.0), (2.0, 0.2), (5.0, 0.9)):
         turned = 1j * number * (1.0 - 2.0 * ratio)
         wanted = (4.0 * math.pi / 3.0 * turned / (2.0 + turned)).conjugate()
-        found = circular(impedance(d, 1.0, number, Mesh(8, 48)).at(1j * ratio))
+        found = circular(impedance(d, 1.0, number, Mesh(12, 8)).at(1j * ratio))
         assert abs(found - wanted) < 0.02 * abs(wanted)
 
 
@@ -191,7 +199,7 @@ def test_coefficients_at_the_whirl_frequency_balance_the_rotor_there():
     """
     d, number = preset("fed_spindle").design, 8.5
     threshold = whirl_thresholds(d, number, MESH, masses=(4.0, 20.0), scan=3)[0]
-    found = coefficients_over_speed(d, threshold.critical_mass, [number], LEAST_STABLE, MESH)
+    found = coefficients_over_speed(d, threshold.critical_mass, [number], FILM_WHIRL, MESH)
     w, shaft, share = (
         found.whirl_frequency[0],
         d.rotor.shaft_stiffness,
@@ -204,13 +212,13 @@ def test_coefficients_at_the_whirl_frequency_balance_the_rotor_there():
 
 
 def test_mesh_convergence(design):
-    """A loaded journal: second order around, faster across."""
-    fine = impedance(design, 10.0, 2.0, Mesh(5, 96)).at(0.5j)
+    """A loaded journal: faster than any order."""
+    fine = impedance(design, 10.0, 2.0, Mesh(6, 48)).at(0.5j)
     errors = [
         np.abs(impedance(design, 10.0, 2.0, Mesh(m, n)).at(0.5j) - fine).max() / np.abs(fine).max()
-        for m, n in ((2, 16), (3, 24), (4, 48))
+        for m, n in ((2, 8), (3, 16), (4, 32))
     ]
-    assert errors[0] > 2.0 * errors[1] > 4.0 * errors[2] and errors[2] < 1e-3
+    assert errors[0] > 10.0 * errors[1] > 100.0 * errors[2] and errors[2] < 1e-6, errors
 
 
 def test_columns_and_units(design):
@@ -235,3 +243,159 @@ def test_speeds_without_equilibrium_are_told_and_none_at_all_is_refused():
         )
     with pytest.raises(DesignError, match="whirl ratio"):
         coefficients_over_speed(light, 5.0, [1.0], -1.0, MESH)
+
+
+def modes_of(z):
+    return rotor_modes(z.system, z.equilibrium.state)
+
+
+def fed_spindle_over(low, high, count, mass=4.0, table=coefficients_over_speed, **options):
+    d = preset("fed_spindle").design
+    numbers = [d.bearing_number(v * math.pi / 30.0) for v in np.linspace(low, high, count)]
+    return d, table(d, mass, numbers, mesh=MESH, **options)
+
+
+def eigenvalues_on(design, mass, stiffness, damping):
+    """Of a disc on a shaft on a journal on (K, C) in N/m and N s/m, written down anew: 1/s."""
+    share, shaft, eye = design.rotor.journal_mass_fraction, design.rotor.shaft_stiffness, np.eye(2)
+    zero = np.zeros((2, 2))
+    inverse = np.diag(1.0 / (mass * np.repeat([share, 1.0 - share], 2)))
+    k = np.block([[stiffness + shaft * eye, -shaft * eye], [-shaft * eye, shaft * eye]])
+    c = np.block([[damping, zero], [zero, zero]])
+    return np.linalg.eigvals(
+        np.block([[np.zeros((4, 4)), np.eye(4)], [-inverse @ k, -inverse @ c]])
+    )
+
+
+def test_the_rows_follow_the_whirl_of_the_film_and_not_the_bending_shaft():
+    """The shaft's bending mode is the least stable up to 31,000 rpm, and no row is its own. A rotor
+    on each row has the very eigenvalue of film and rotor.
+    """
+    d, found = fed_spindle_over(5_000, 60_000, 12, whirl=FILM_WHIRL)
+    assert {mode.name for mode in found.modes} == {FILM_MODE}
+    assert all(mode.forward for mode in found.modes)
+    bending = 0
+    for k, (speed, mode) in enumerate(zip(found.speed, found.modes, strict=True)):
+        values, _ = linear_spectrum(d, 4.0, d.bearing_number(speed), MESH)
+        assert np.abs(values - mode.root).min() < 1e-9
+        bending += abs(values[0].imag) > 1.5 * mode.ratio
+        on_rows = eigenvalues_on(d, 4.0, found.stiffness[k], found.damping[k])
+        assert np.abs(on_rows / speed - mode.root).min() < 1e-8
+    assert bending >= 6
+    ratio = found.whirl_ratio
+    assert (np.diff(ratio) < 0.0).all() and ratio[0] > 4.0 and ratio[-1] < 0.4
+    decrement = np.array([mode.log_decrement for mode in found.modes])
+    assert (np.diff(decrement) < 0.0).all()
+    grows = np.interp(0.0, -decrement, found.speed)
+    limit = whirl_thresholds(d, d.bearing_number(grows), MESH, masses=(3.0, 5.0), scan=3)[0]
+    assert limit.critical_mass == pytest.approx(4.0, rel=5e-3)
+
+
+def test_the_branch_does_not_depend_on_the_speeds_asked_for():
+    _, coarse = fed_spindle_over(5_000, 60_000, 2, whirl=FILM_WHIRL)
+    _, fine = fed_spindle_over(5_000, 60_000, 23, whirl=FILM_WHIRL)
+    np.testing.assert_allclose(coarse.stiffness, fine.stiffness[[0, -1]], rtol=1e-9)
+    d = preset("fed_spindle").design
+    turned = coefficients_over_speed(
+        d, 4.0, [d.bearing_number(v) for v in fine.speed[::-1]], FILM_WHIRL, MESH
+    )
+    np.testing.assert_allclose(turned.damping[::-1], fine.damping, rtol=1e-7)
+
+
+def test_modes_are_named_by_their_shape():
+    """The disc hangs on a spring: at p it moves by 1/(1 + p²/w_s²) of the journal."""
+    d = preset("fed_spindle").design
+    number = d.bearing_number(20_000 * math.pi / 30.0)
+    modes = modes_of(impedance(d, 4.0, number, MESH))
+    speed, share = d.speed(number), d.rotor.journal_mass_fraction
+    pinned = math.sqrt(d.rotor.shaft_stiffness / ((1.0 - share) * 4.0)) / speed
+    for mode in modes[:4]:
+        ratio = 1.0 / (1.0 + (mode.root / pinned) ** 2)
+        np.testing.assert_allclose(mode.shape[2:], ratio * mode.shape[:2], atol=1e-9)
+        bends = abs(ratio - 1.0) > 1.0
+        assert (mode.name == SHAFT_MODE) == bends == (mode.ratio > 3.0)
+    assert film_whirl(modes) is next(m for m in modes if m.forward and m.ratio < 3.0)
+
+
+def test_a_whirl_that_comes_to_an_end_is_refused(design):
+    """A rotor of 25 kg that has not lifted off stops to whirl in its film: two real eigenvalues."""
+    with pytest.raises(InputError, match=r"cannot be followed from 2,\d\d\d rpm.*not lifted off"):
+        coefficients_over_speed(
+            design, 25.0, [design.bearing_number(v) for v in (100.0, 400.0)], FILM_WHIRL, MESH
+        )
+
+
+def test_over_speed_and_frequency_every_mode_of_the_rotor_is_right():
+    """K and C taken at a mode's own frequency: its frequency and logarithmic decrement are those of
+    film and rotor to 5 %, for all four modes from 5,000 rpm to the limit of stability; the film's
+    whirl to 0.1 %. With steady whirls' K and C it would be 8 % and more off.
+    """
+    d, found = fed_spindle_over(5_000, 40_000, 8, table=coefficients_over_speed_and_frequency)
+    speeds = np.unique(found.speed)
+    shape = (len(speeds), -1)
+    frequency = found.whirl_frequency.reshape(shape)
+    assert (frequency == frequency[0]).all() and frequency[0, 0] == 0.0
+    values = np.concatenate([found.stiffness, found.damping], axis=1).reshape(*shape, 8)
+    steady = 0.0
+    for k, speed in enumerate(speeds):
+        z = impedance(d, 4.0, d.bearing_number(speed), MESH)
+        modes = [m for m in modes_of(z) if -m.root.real < 0.3 * m.root.imag]
+        followed = found.modes[k * frequency.shape[1]]
+        assert len(modes) == 4 and min(abs(m.root - followed.root) for m in modes) < 1e-9
+        assert max(m.root.imag for m in modes) * speed < frequency[0, -1]
+        table = PchipInterpolator(frequency[0], values[k])
+        for mode in modes:
+            limit = 1e-3 if abs(mode.root - followed.root) < 1e-9 else 0.05
+            root, decrement = matched(d, lambda w, t=table: t(w), mode, speed)
+            assert root.imag == pytest.approx(mode.ratio, rel=limit)
+            assert decrement == pytest.approx(mode.log_decrement, rel=limit, abs=1e-4)
+        _, decrement = matched(d, lambda w, z=z, v=speed: steady_pair(z, w / v), followed, speed)
+        steady = max(steady, abs(decrement / followed.log_decrement - 1.0))
+    assert steady > 0.08
+
+
+def steady_pair(z, ratio):
+    """K and C of a steady whirl, in a row."""
+    found = coefficients(z, [ratio])
+    return np.concatenate([found.stiffness[0], found.damping[0]]).ravel()
+
+
+def matched(design, table, mode, speed):
+    """Return a mode with K and C at its own frequency, by repetition as ROSS does it: its
+    eigenvalue per unit tau and its logarithmic decrement.
+    """
+    root = mode.root * speed
+    for _ in range(100):
+        k, c = table(root.imag).reshape(2, 2, 2)
+        values = eigenvalues_on(design, 4.0, k, c)
+        before, root = root, values[np.argmin(np.abs(values - mode.root * speed))]
+        if abs(root - before) < 1e-9 * abs(root):
+            break
+    return root / speed, -2.0 * math.pi * root.real / root.imag
+
+
+def test_the_weight_on_the_wall_is_told(design):
+    """25 kg at 600 rpm: the force of the asperities over the weight, in N."""
+    number = design.bearing_number(600 * math.pi / 30.0)
+    z = impedance(design, 25.0, number, MESH)
+    contact, e = design.contact, z.equilibrium.eccentricity
+    unit = design.gas.ambient_pressure * design.bearing.radius**2
+    force = unit * contact.force_at_closure * math.exp(-(1.0 - e) / contact.roughness)
+    assert z.contact_load_share == pytest.approx(force / (25.0 * design.rotor.gravity), rel=1e-9)
+    assert 0.95 < z.contact_load_share < 1.0
+    found = coefficients(z, [0.0, 1.0])
+    assert (found.contact_load_share == z.contact_load_share).all()
+    (warning,) = [w for w in coefficient_warnings(found) if "Not lifted off" in w]
+    assert f"{z.contact_load_share:.0%} of the weight" in warning
+    lifted = coefficients(impedance(design, 4.5, 3.0, MESH), [0.0, 1.0])
+    assert lifted.contact_load_share.max() < 1e-6 and coefficient_warnings(lifted) == []
+    weightless = design.replace(rotor__gravity=0.0)
+    assert impedance(weightless, 25.0, number, MESH).contact_load_share == 0.0
+
+
+def test_one_sign_of_the_cross_stiffness(design, capsys):
+    assert main(["stiffness", "--bearing-number", "3.45", "--mesh", "3x24", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    centred = coefficients(impedance(design.replace(rotor__gravity=0.0), 1.0, 3.45, MESH), [0.0])
+    assert told["kyx_n_per_m"] == pytest.approx(centred.column("kyx")[0], rel=1e-6)
+    assert told["kyx_n_per_m"] < 0.0 < centred.column("kxy")[0]

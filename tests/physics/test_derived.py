@@ -82,9 +82,9 @@ def test_numbers_agree_with_their_own_commands(design):
 
 def test_stiffness_of_an_unloaded_journal(design):
     d = design.replace(rotor__gravity=0.0)
-    kxx, kyx = concentric_stiffness(d, 3.0, MESH)
+    kxx, kxy = concentric_stiffness(d, 3.0, MESH)
     static = derive(d, 4.52, 3.0, MESH).coefficients.stiffness[0]
-    np.testing.assert_allclose(static / d.stiffness_unit, [[kxx, kyx], [-kyx, kxx]], atol=1e-9)
+    np.testing.assert_allclose(static / d.stiffness_unit, [[kxx, kxy], [-kxy, kxx]], atol=1e-9)
 
 
 def test_the_record_is_plain_and_says_units(design):

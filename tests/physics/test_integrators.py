@@ -111,21 +111,21 @@ def test_rodas_is_of_order_four(make_run):
 
 
 def test_tangent_of_rodas_is_of_order_four(make_run):
-    assert _order(make_run, "rodas", (64, 128, 256), tangent=True)[-1] == pytest.approx(
-        4.0, abs=0.4
-    )
+    assert _order(make_run, "rodas", (64, 128, 256), tangent=True, point=(4.0, 8.0))[
+        -1
+    ] == pytest.approx(4.0, abs=0.4)
 
 
 def test_dtm_is_of_its_order(make_run):
     """Order 6; seen on a coarse film at high speed, where the stability limit leaves room for an
     error.
     """
-    order = _order(make_run, "dtm", (30, 45, 60), point=(4.0, 8.0), mesh=Mesh(2, 8))
+    order = _order(make_run, "dtm", (60, 80, 100), point=(4.0, 8.0), mesh=Mesh(2, 8))
     assert order[-1] == pytest.approx(6.0, abs=0.4), order
 
 
 def test_tangent_is_the_derivative_of_the_step(make_run):
-    """One step from u + e v and u - e v: the difference is the tangent step, also deep in contact."""
+    """Steps from u + e v and u - e v: the difference is the tangent step, also in contact."""
     run = make_run(18.0, 4.5, mesh=Mesh(3, 24))
     run.go(60)
     state, v = run.memory.state.copy(), run.memory.tangent.copy()

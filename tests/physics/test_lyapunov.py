@@ -20,7 +20,7 @@ N = 3  # unknowns of the systems here, the last without any slope where there ar
 
 
 @njit
-def no_touchdown(u, new, h, row, record):
+def no_touchdown(system, u, new, h, row, record):
     return False
 
 

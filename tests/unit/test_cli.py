@@ -21,7 +21,7 @@ from spab_core.maps import compute as map_engine
 from spab_core.maps.stability_map import load_map
 from tests.commands import answer, refused
 
-SHORT = ["--mesh", "3x24", "--transient", "10", "--revolutions", "30"]
+SHORT = ["--mesh", "3x24", "--transient", "30", "--revolutions", "30"]
 
 
 def test_simulate_keys(capsys, tmp_path):
@@ -47,13 +47,21 @@ def test_simulate_keys(capsys, tmp_path):
         "regime",
         "period",
         "contact_share",
+        "thin_film_share",
+        "peak_contact_force_n",
         "max_eccentricity",
+        "least_film_m",
+        "orbit_amplitude",
+        "assessment",
+        "assessment_reasons",
+        "rest",
         "status",
         "mesh",
         "revolutions",
+        "pushed",
         "wall_seconds",
     ]
-    assert found["status"] == "ok" and found["mesh"] == "3x24" and found["revolutions"] == 40
+    assert found["status"] == "ok" and found["mesh"] == "3x24" and found["revolutions"] == 60
     rows = list(csv.DictReader(orbit.read_text().splitlines()))
     assert len(rows) == 30 * 96 and set(rows[0]) >= {"tau", "X2", "Y2", "X1", "Y1"}
     assert (
@@ -125,6 +133,9 @@ def test_map_file_and_worker_count(capsys, tmp_path, monkeypatch):
             "max_eccentricity",
             "status",
             "revolutions",
+            "orbit_amplitude",
+            "thin_film_share",
+            "peak_contact_force",
             "metadata",
         }
         metadata = json.loads(str(data["metadata"]))
@@ -216,11 +227,26 @@ def test_a_killed_map_goes_on_from_its_chunks(tmp_path):
         ),
         (
             ["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--mesh", "1e9x3"],
-            ["mesh", "1e9x3", "2x8 to 16x256"],
+            ["mesh", "1e9x3", "2x8 to 16x64"],
         ),
         (
             ["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--method", "magic"],
-            ["magic", "rodas or dtm"],
+            ["magic", "rodas, dtm"],
+        ),
+        (
+            ["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--transient", "29"],
+            ["transient = 29", "30 revolutions"],
+        ),
+        (
+            [
+                *("map", "--bearing-number", "1:2:2", "--rotor-mass", "1:5:2"),
+                *("--out", "x.npz", "--transient", "20"),
+            ],
+            ["transient = 20", "30 revolutions"],
+        ),
+        (
+            ["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--max-orbit", "2"],
+            ["largest orbit = 2", "0.01 to 1"],
         ),
         (
             ["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--revolutions", "2.5"],
@@ -250,7 +276,6 @@ def test_a_killed_map_goes_on_from_its_chunks(tmp_path):
             ["simulate", "--rotor-mass", "1", "--bearing-number", "1", "--design", ""],
             ["design file"],
         ),
-        (["stiffness", "--bearing-number", "1", "--mesh", "16x256"], ["16x256", "2500"]),
         (["simulate", "a\nb"], ["required"]),
         (["stiffness", "--bearing-number", "0"], ["bearing number", "0.01 to 50"]),
         (

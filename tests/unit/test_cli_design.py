@@ -1,4 +1,4 @@
-"""``spab design …``: keys, files, units, and one sentence with exit code 2 for every wrong input."""
+"""``spab design …``: keys, files, units, one sentence and exit code 2 for every wrong input."""
 
 import json
 import re
@@ -11,7 +11,15 @@ import pytest
 from spab_core.cli.main import main
 from spab_core.design.model import load_design, reference_design, save_design
 from spab_core.design.presets import PRESETS, preset
-from spab_core.linear_theory.coefficients import NAMES, coefficients, impedance
+from spab_core.linear_theory.coefficients import (
+    FILM_WHIRL,
+    NAMES,
+    coefficients,
+    coefficients_over_speed,
+)
+from spab_core.linear_theory.impedance import impedance
+from spab_core.linear_theory.modes import FILM_MODE, SHAFT_MODE
+from spab_core.linear_theory.ross_table import coefficient_table
 from spab_core.linear_theory.summary import derive
 from spab_core.solver.film import Mesh
 from tests.commands import answer, refused
@@ -43,8 +51,29 @@ def test_show_speed_and_bearing_number_agree(capsys):
     one = answer(capsys, "design", "show", *POINT, "--bearing-number", "3", *MESH)
     two = answer(capsys, "design", "show", *POINT, "--rpm", repr(d.speed_rpm(3.0)), *MESH)
     assert one["eccentricity"] == pytest.approx(two["eccentricity"], rel=1e-9)
-    expected = derive(d, 4.5, 3.0, Mesh(3, 24)).record()
-    assert one == expected | {"design": d.to_dict(), "mesh": "3x24"}
+    expected = derive(d, 4.5, 3.0, Mesh(3, 24)).record() | {"design": d.to_dict(), "mesh": "3x24"}
+    assert {name: one[name] for name in expected} == expected
+    assert one["assessment"] == "avoid" and one["regime"] == "periodic" and one["period"] == 2
+    assert one["motion_least_film_m"] < 5e-6 < 25e-6 < one["least_film_m"]
+
+
+def test_show_says_that_a_rotor_lies_on_its_wall(capsys):
+    argv = ["design", "show", "--preset", "spab60", "--rotor-mass", "25", "--rpm", "600"]
+    found = answer(capsys, *argv)
+    assert found["contact_load_share"] == pytest.approx(0.975, abs=0.005)
+    assert found["assessment"] == "avoid"
+    assert "not lifted off: the wall carries 97 % of the weight" in found["assessment_reasons"]
+    assert main(argv) == 0
+    assert "Not lifted off: the wall carries 97 % of the weight" in capsys.readouterr().out
+
+
+def test_show_judges_by_the_limits_given(capsys):
+    argv = ["design", "show", *POINT, "--bearing-number", "3", *MESH]
+    assert "limit 9.0 µm" in " ".join(
+        answer(capsys, *argv, "--least-film", "9")["assessment_reasons"]
+    )
+    message = refused(capsys, *argv, "--least-film", "2000")
+    assert "least film = 2000 µm is out of range: allowed is from 0 to 1000 µm" in message
 
 
 def test_show_a_file_and_a_rigid_preset_as_text(capsys, tmp_path):
@@ -62,19 +91,47 @@ def test_show_a_file_and_a_rigid_preset_as_text(capsys, tmp_path):
 
 def test_coefficients_against_whirl_frequency(capsys, tmp_path):
     out = tmp_path / "c.csv"
-    found = answer(
-        capsys, *TABLE, "--bearing-number", "3", "--whirl", "0:2:5", "--out", str(out), *MESH
-    )
+    point = [*TABLE, "--bearing-number", "3", "--whirl", "0:2:5", *MESH]
+    found = answer(capsys, *point, "--out", str(out))
     rows = pd.read_csv(out)
-    assert found["axis"] == "frequency" and list(rows) == ["frequency", *NAMES, "whirl_ratio"]
+    assert found["axis"] == "frequency"
+    assert list(rows)[:11] == ["speed", "frequency", *NAMES, "whirl_ratio"]
     expected = coefficients(
         impedance(reference_design(), 4.5, 3.0, Mesh(3, 24)), np.linspace(0, 2, 5)
     )
     for name in NAMES:
         np.testing.assert_allclose(rows[name], expected.column(name))
-    np.testing.assert_allclose(
-        rows["frequency"], reference_design().speed(3.0) * np.linspace(0, 2, 5)
-    )
+    speed = reference_design().speed(3.0)
+    np.testing.assert_allclose(rows["frequency"], speed * np.linspace(0, 2, 5))
+    np.testing.assert_allclose(rows["speed"], speed)
+    answer(capsys, *point, "--out", str(tmp_path / "c.json"))
+    element = json.loads((tmp_path / "c.json").read_text())["BearingElement_spab"]
+    assert "speed" not in element
+    np.testing.assert_allclose(element["frequency"], rows["frequency"])
+    np.testing.assert_allclose(element["cxy"], rows["cxy"])
+
+
+def test_coefficients_over_speed_and_frequency(capsys, tmp_path):
+    """What is written if nothing else is asked for: a BearingElement of ROSS, and what it is."""
+    out = tmp_path / "c.json"
+    found = answer(capsys, *TABLE, "--rpm", "8000:12000:5", "--out", str(out), *MESH)
+    assert found["axis"] == "speed and frequency"
+    content = json.loads(out.read_text())
+    element, about = content["BearingElement_spab"], content["spab"]
+    assert next(iter(content)) == "BearingElement_spab" and about["notes"] == found["notes"]
+    speeds, frequencies = len(element["speed"]), len(element["frequency"])
+    assert speeds == 5 and len(found["rows"]) == speeds * frequencies
+    assert all(np.shape(element[name]) == (speeds, frequencies) for name in NAMES)
+    assert max(element["frequency"]) > 2.0 * max(element["speed"])
+    row = found["rows"][frequencies + 7]
+    assert (element["speed"][1], element["frequency"][7]) == (row["speed"], row["frequency"])
+    assert element["kyx"][1][7] == row["kyx"]
+    assert about["rows"]["mode"] == ["film whirl"] * speeds
+    assert all(0.3 < ratio < 0.7 for ratio in about["rows"]["mode_whirl_ratio"])
+    assert any("F_y = -kyx x" in note for note in found["notes"])
+    csv = tmp_path / "c.csv"
+    answer(capsys, *TABLE, "--rpm", "8000:12000:5", "--out", str(csv), *MESH)
+    assert pd.read_csv(csv).to_dict("records") == found["rows"]
 
 
 def test_coefficients_against_speed_as_a_workbook(capsys, tmp_path):
@@ -85,22 +142,45 @@ def test_coefficients_against_speed_as_a_workbook(capsys, tmp_path):
         found["axis"] == "speed" and found["missing_speeds_rad_s"] == [] and len(found["rows"]) == 3
     )
     assert found["rows"][0]["speed"] == pytest.approx(8000 * np.pi / 30)
-    assert all(
-        0.3 < row["whirl_ratio"] < 0.7 for row in found["rows"]
-    )  # half-speed whirl is the least stable here
+    for row in found["rows"]:
+        assert row["mode"] == "film whirl" and 0.3 < row["whirl_ratio"] < 0.7
+        assert row["whirl_ratio"] == pytest.approx(row["mode_whirl_ratio"])
+        decay = -row["growth_rate"] * 2.0 * np.pi / row["frequency"]
+        assert row["log_decrement"] == pytest.approx(decay)
+    numbers = [[v for v in row.values() if not isinstance(v, str)] for row in found["rows"]]
     with zipfile.ZipFile(out) as file:
         sheet = file.read("xl/worksheets/sheet1.xml").decode()
+        words = file.read("xl/sharedStrings.xml").decode()
     values = re.findall(r'<c r="[A-Z]+[2-4]"><v>([^<]*)</v>', sheet)
-    np.testing.assert_allclose(
-        np.reshape(values, (3, -1)).astype(float),
-        [list(row.values()) for row in found["rows"]],
-        rtol=1e-15,
-    )
+    np.testing.assert_allclose(np.reshape(values, (3, -1)).astype(float), numbers, rtol=1e-15)
+    assert "F_y = -kyx x" in words  # on the second sheet
     before = out.read_bytes()
-    assert main(argv) == 0 and "shaft speed" in capsys.readouterr().out
+    assert main(argv) == 0
+    printed = capsys.readouterr().out
+    assert "over speed" in printed and "film whirl" in printed and "Fewer than 5" in printed
     assert out.read_bytes() == before
     synchronous = answer(capsys, *argv, "--whirl", "1")
     assert [row["whirl_ratio"] for row in synchronous["rows"]] == [1.0, 1.0, 1.0]
+    assert "mode" not in synchronous["rows"][0]
+
+
+def test_words_of_a_workbook_change_no_unit_in_ross():
+    """ROSS searches the first sheet for these and converts the table."""
+    d = reference_design()
+    table = coefficient_table(coefficients_over_speed(d, 4.5, [2.0, 3.0], FILM_WHIRL, Mesh(3, 24)))
+    words = [*table, *table["mode"], FILM_MODE, SHAFT_MODE]
+    assert not [w for w in words if re.search("rpm|lb|inches", w.lower())]
+
+
+def test_a_rotor_on_its_wall_gets_no_table_without_that_word(capsys, tmp_path):
+    argv = ["design", "coefficients", "--rotor-mass", "25", "--rpm", "600:1000:5", *MESH]
+    for form, more in ((".csv", []), (".xlsx", ["--whirl", "1"])):
+        out = str(tmp_path / f"c{form}")
+        assert main([*argv, *more, "--out", out]) == 0
+        assert "Not lifted off at 5 of 5 speeds" in capsys.readouterr().out
+        found = answer(capsys, *argv, *more, "--out", out)
+        assert all(row["contact_load_share"] > 0.9 for row in found["rows"])
+        assert any("of the weight" in note for note in found["notes"])
 
 
 @pytest.mark.parametrize(
@@ -124,6 +204,11 @@ def test_coefficients_against_speed_as_a_workbook(capsys, tmp_path):
         ([*TABLE, "--rpm", "9000", "--out", "c.csv"], "range"),
         ([*TABLE, "--out", "c.csv"], "either"),
         ([*TABLE, "--rpm", "9000:9100:3", "--whirl", "0:1:3", "--out", "c.csv"], "alone"),
+        (
+            [*TABLE, "--rpm", "9000", "--whirl", "0:1:3", "--out", "c.xlsx"],
+            "ROSS reads as one over",
+        ),
+        ([*TABLE, "--rpm", "9000:9100:3", "--whirl", "x", "--out", "c.csv"], "film-whirl"),
         ([*TABLE, "--rpm", "9000", "--whirl=-1:1:3", "--out", "c.csv"], "whirl ratio"),
         ([*TABLE, "--rpm", "9000", "--whirl", "0:1:2000", "--out", "c.csv"], "count"),
         ([*TABLE, "--rpm", "0:9100:3", "--out", "c.csv"], "rpm"),

@@ -12,6 +12,7 @@ from scipy.io import netcdf_file
 
 from spab_core.cli.main import main
 from spab_core.maps.margin import margin
+from spab_core.maps.solved_margin import KINDS
 from spab_core.maps.stability_map import save_map
 from spab_core.shipped.manifest import ARTIFACTS, REFERENCE_MAP, load_reference_map
 from tests.commands import answer, refused
@@ -26,11 +27,61 @@ def small(tmp_path):
     return m, str(tmp_path / "small.npz")
 
 
-def test_margin_keys_and_words(capsys):
-    found = answer(capsys, "margin", "--rotor-mass", "4.52", "--bearing-number", "3.45")
+POINT = ("--rotor-mass", "4.52", "--bearing-number", "3.45")
+SOLVED = ("margin", "--preset", "fed_spindle", "--rotor-mass", "4", "--rpm", "20000")
+QUICK = ("--points", "2", "--precision", "0.1")
+
+
+def test_keys_and_words_of_a_margin_read_off_the_shipped_map(capsys):
+    found = answer(capsys, "margin", *POINT, "--map")
     assert found == json.loads(json.dumps(margin(load_reference_map(), 4.52, 3.45).record()))
-    assert main(["margin", "--rotor-mass", "4.52", "--bearing-number", "3.45"]) == 0
+    assert not found["predicted"]
+    for limit in found["limits"]:
+        assert limit["low"] < limit["value"] < limit["high"] and not limit["predicted"]
+    assert main(["margin", *POINT, "--map"]) == 0
     assert capsys.readouterr().out.splitlines()[1:] == [found["headline"], *found["sentences"]]
+
+
+@pytest.mark.slow
+def test_a_solved_margin_answers_the_contract(capsys):
+    found = answer(capsys, *SOLVED, *QUICK)
+    assert found["assessment"] in ("good", "watch", "avoid")
+    assert {
+        "assessment_reasons",
+        "least_film_m",
+        "contact_share",
+        "thin_film_share",
+        "peak_contact_force_n",
+        "regime",
+        "here",
+        "lines",
+        "beside",
+    } <= found.keys()
+    assert found["speed_rpm"] == pytest.approx(20000.0)
+    assert {(line["axis"], line["direction"]) for line in found["lines"]} == {
+        (axis, direction) for axis in ("speed", "mass") for direction in ("up", "down")
+    }
+    at = {"speed": 20000.0, "mass": 4.0}
+    assert found["limits"]
+    for limit in found["limits"]:
+        assert limit["axis"] in at and limit["what"] in KINDS and limit["predicted"] is False
+        assert limit["low"] < limit["value"] < limit["high"]
+        assert (limit["value"] > at[limit["axis"]]) == (limit["direction"] == "up")
+        assert limit["begins"] == (limit["what"] not in found["here"])
+    assert main([*SOLVED, *QUICK]) == 0
+    told = capsys.readouterr().out
+    assert found["headline"] in told and "predicted" not in told.lower()
+
+
+def test_a_predicted_map_says_so_and_has_no_plus_minus(capsys, small, tmp_path):
+    m, _ = small
+    m.revolutions[:] = 0
+    save_map(m, tmp_path / "predicted.npz")
+    options = ("--rotor-mass", "1.2", "--bearing-number", "2.2")
+    found = answer(capsys, "margin", "--map", str(tmp_path / "predicted.npz"), *options)
+    assert found["predicted"] and all(limit["predicted"] for limit in found["limits"])
+    words = " ".join([found["headline"], *found["sentences"]])
+    assert "redicted" in found["headline"] and "±" not in words and "predicted from about" in words
 
 
 def test_margin_by_speed_of_another_map(capsys, small):
@@ -56,15 +107,30 @@ def test_margin_by_speed_of_another_map(capsys, small):
     ("options", "words"),
     [
         (
-            ("--rotor-mass", "30", "--bearing-number", "3"),
+            ("--rotor-mass", "30", "--bearing-number", "3", "--map"),
             "rotor mass in this map = 30 kg is out of range",
         ),
-        (("--rotor-mass", "3", "--bearing-number", "nan"), "bearing number in this map"),
+        (("--rotor-mass", "3", "--bearing-number", "nan", "--map"), "bearing number in this map"),
+        (("--rotor-mass", "3000", "--bearing-number", "3"), "rotor mass = 3000 kg is out of"),
+        (("--rotor-mass", "3", "--bearing-number", "nan"), "bearing number = nan is out of range"),
         (("--rotor-mass", "3", "--rpm", "inf"), "--rpm = inf rpm is out of range"),
         (("--rotor-mass", "3", "--rpm", "-1"), "--rpm = -1 rpm is out of range"),
         (("--rotor-mass", "3"), "one of the arguments --bearing-number --rpm is required"),
         (("--rotor-mass", "3", "--rpm", "9000", "--bearing-number", "3"), "not allowed with"),
         (("--rotor-mass", "3", "--rpm", "9000", "--map", "/no/such.npz"), "cannot read the map"),
+        (("--rotor-mass", "3", "--rpm", "9000", "--points", "1"), "points = 1 is out of range"),
+        (("--rotor-mass", "3", "--rpm", "9000", "--precision", "0"), "precision = 0 is out of"),
+        (("--rotor-mass", "3", "--rpm", "9000", "--workers", "0"), "--workers = 0 is out of"),
+        (("--rotor-mass", "3", "--rpm", "9000", "--preset", "no"), "no preset 'no'"),
+        (("--rotor-mass", "3", "--rpm", "9000", "--transient", "5"), "transient = 5 revolutions"),
+        (
+            ("--rotor-mass", "3", "--rpm", "9000", "--preset", "spab60", "--design", "a.toml"),
+            "give either --design or --preset",
+        ),
+        (
+            ("--rotor-mass", "3", "--rpm", "9000", "--preset", "spab60", "--map"),
+            "give either --map, or --design or --preset",
+        ),
     ],
 )
 def test_margin_refuses(capsys, options, words):

@@ -87,8 +87,8 @@ def test_rebuilding_gives_the_same_bytes(tmp_path, map_file):
     was opened before."""
     names, sums = ("tree", "svr", "mlp", "forest", "boosting", "linear"), []
     code = (
-        "import sys; from pathlib import Path; from spab_core.shipped import build as release; from "
-        "spab_core.shipped.build import rebuild\n"
+        "import sys; from pathlib import Path; from spab_core.shipped import build as release\n"
+        "from spab_core.shipped.build import rebuild\n"
         "[release.TABLES.pop(k) for k in set(release.TABLES) - {release.SCORES}]\n"
         "from spab_core.maps.stability_map import load_map; from spab_core.surrogates.models "
         "import MODELS\n"
@@ -287,7 +287,6 @@ def test_train_one_model_into_the_cache_and_into_a_file(capsys, tmp_path, map_fi
 def test_predict_takes_the_shipped_model_or_says_why_not(capsys, folder, tmp_path, monkeypatch):
     monkeypatch.setenv("SPAB_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(cli_surrogates, "ARTIFACTS", folder)
-    monkeypatch.setattr(load_reference_map, "__defaults__", (folder,))
     argv, answers = (
         [
             "predict",

@@ -26,7 +26,7 @@ LIVE = [
     "--mesh",
     "6x24",
     "--transient",
-    "10",
+    "30",
     "--revolutions",
     "30",
     "--budget",

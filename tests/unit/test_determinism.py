@@ -16,8 +16,8 @@ from spab_core.cli.main import main
 from spab_core.jobs.store import find, submit
 from spab_core.trajectory.settings import Settings
 
-TINY = {"mesh": "2x16", "transient": 20, "revolutions": 20}
-OPTIONS = ["--mesh", "2x16", "--transient", "20", "--revolutions", "20"]
+TINY = {"mesh": "2x16", "transient": 30, "revolutions": 20}
+OPTIONS = ["--mesh", "2x16", "--transient", "30", "--revolutions", "20"]
 PLANE = ["--bearing-number", "2:4.5:6", "--rotor-mass", "3:18:6"]
 LINE = ["--vary", "rotor-mass", "--at", "3", "--range", "4:12:12"]
 MADE = ("date", "wall_seconds", "worker_seconds", "workers")  # of the metadata: how a file was made

@@ -85,14 +85,14 @@ MISSING = ["", "\0", "missing.file", ".", "/dev/null", "x" * 5000, "\udcff", "da
 OUTPUTS = ["", "\0", "nowhere/out.npz", ".", "x" * 5000, "out", "Λ.npz", "\udcff.npz", "out.npz/x"]
 LIST = ["", ",", "1,,2", "nan", "2,-1", "tree,oracle", "999999999"]
 ADDRESSES = ["", "\0", "x" * 300, "::::", "é" * 70, "127.0.0.1"]
-FILES = {"--design", "--map", "map", "--folder"}
+FILES = {"--design", "--map", "map", "--folder", "--start"}
 
 # the least work of every command, and what cannot be left out
 LEAST = {
     ("simulate",): {
         "--rotor-mass": "4",
         "--bearing-number": "3",
-        "--transient": "0",
+        "--transient": "30",
         "--revolutions": "20",
     },
     ("stiffness",): {"--bearing-number": "3"},
@@ -101,7 +101,7 @@ LEAST = {
         "--bearing-number": "3:3:1",
         "--rotor-mass": "4:4:1",
         "--out": "m.npz",
-        "--transient": "0",
+        "--transient": "30",
         "--revolutions": "20",
     },
     ("bifurcation",): {
@@ -110,7 +110,7 @@ LEAST = {
         "--range": "4:4:1",
         "--out": "b.npz",
         "--sweeps": "cold",
-        "--transient": "0",
+        "--transient": "30",
         "--revolutions": "20",
     },
     ("evaluate",): {"--map": "small.npz", "--models": "tree", "--divisors": "4", "--seeds": "1"},
@@ -358,7 +358,7 @@ def test_a_header_that_lies_takes_no_memory(tmp_path, shape, descr):
 def test_what_is_packed_otherwise_or_no_regular_file_is_refused(tmp_path):
     for how in (zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA):
         zipped(tmp_path / "other.npz", how, mle=header((1,)) + bytes(8))
-        with pytest.raises(InputError, match="packed in another way"):
+        with pytest.raises(InputError, match="compressed in another way"):
             load_map(tmp_path / "other.npz")
     zipped(tmp_path / "many.npz", zipfile.ZIP_STORED, **{f"{k:0100d}": b"" for k in range(7000)})
     with pytest.raises(InputError, match="too many parts"):

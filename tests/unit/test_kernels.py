@@ -11,7 +11,6 @@ from spab_core.solver.film import (
     build_film,
     film_array,
     film_force,
-    film_index,
     film_size,
     film_slope,
 )
@@ -24,8 +23,8 @@ EPS = np.finfo(float).eps
 
 
 class Case:
-    def __init__(self, design, mesh, scheme="fitted", tau=1.3):
-        self.film = build_film(design, 3.45, mesh, scheme)
+    def __init__(self, design, mesh, tau=1.3):
+        self.film = build_film(design, 3.45, mesh)
         self.rotor = build_rotor(design, 18.0, 3.45)
         self.system = System(self.film, self.rotor)
         self.work = build_work(self.film)
@@ -38,11 +37,7 @@ class Case:
         self.u[self.n + 4 : self.n + 6] = 0.3, -0.2
 
     def vector(self, scale=0.1):
-        out = np.zeros(self.n + 8)
-        places = film_index(self.film)
-        out[places] = scale * self.random.standard_normal(places.shape)
-        out[self.n :] = scale * self.random.standard_normal(8)
-        return out
+        return scale * self.random.standard_normal(self.n + 8)
 
     def slope(self, u, tau=None):
         out = np.zeros(self.n + 8)
@@ -55,19 +50,9 @@ class Case:
         return out_v
 
 
-@pytest.fixture(
-    params=[
-        ((4, 40), "fitted"),
-        ((3, 22), "plain"),
-        ((8, 16), "fitted"),
-        ((6, 24), "plain"),
-        ((12, 10), "fitted"),
-        ((2, 8), "fitted"),
-    ],
-    ids=lambda p: f"{p[0][0]}x{p[0][1]}-{p[1]}",
-)
+@pytest.fixture(params=[Mesh(3, 16), Mesh(4, 24), Mesh(2, 8), Mesh(8, 16), Mesh(5, 40)], ids=str)
 def case(request, design):
-    return Case(design, Mesh(*request.param[0]), request.param[1])
+    return Case(design, request.param)
 
 
 def test_slope_is_the_readable_formula(case):
@@ -75,21 +60,14 @@ def test_slope_is_the_readable_formula(case):
     out = case.slope(u)
     s, x, y = film_array(film, u), u[n], u[n + 1]
     readable = film_slope(film, s, x, y)
-    # Both are sums of M products, in another order and with fused products or without: beside
-    # 64-bit mantissas each is at most 2.1 times eps of the largest entry away, on numba 0.62 as on
-    # 0.68. That entry is 33 on 2x8 and 29,379 on 12x10.
-    assert np.abs(film_array(film, out) - readable).max() < 8.0 * EPS * np.abs(readable).max()
+    # Both are sums of N products, in another order and with fused products or without
+    assert np.abs(film_array(film, out) - readable).max() < 40.0 * EPS * np.abs(readable).max()
     assert np.allclose(
         out[n:],
         rotor_slope(rotor, case.tau, u[n:], film_force(film, s, x, y)),
         rtol=1e-12,
         atol=1e-12,
     )
-
-
-def test_padded_cells_never_move(case):
-    out = case.slope(case.u)
-    assert not np.delete(out[: case.n], film_index(case.film)).any()
 
 
 def test_tangent_is_the_derivative_of_the_slope(case):

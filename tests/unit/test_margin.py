@@ -89,7 +89,7 @@ def test_margin_equals_brute_force(case):
 
 
 def test_words_of_a_stable_point():
-    """Quasi-periodic up to 2 kg, periodic to 4, chaotic from 5; at 3 kg the next speed is chaotic."""
+    """Quasi-periodic up to 2 kg, periodic to 4, chaotic from 5; 3 kg: chaotic at the next speed."""
     m = map_of_regimes([3.4, 3.5], [1, 2, 3, 4, 5, 6], [[2, 2, 0, 0, 3, 3], [2, 2, 3, 0, 3, 3]])
     found = margin(m, 3.1, 3.4)
     assert found.stable and found.here == "periodic-1"
@@ -102,13 +102,11 @@ def test_words_of_a_stable_point():
     )
     assert found.sentences() == [
         "At 10,090 rpm: 0.6 kg above the quasi-periodic band (up to 2.5 ± 0.5 kg); 1.4 kg below "
-        "the chaotic band (from "
-        "4.5 ± 0.5 kg).",
+        "the chaotic band (from 4.5 ± 0.5 kg).",
         "At 3.1 kg: 100 rpm below the chaotic band (from 10,200 ± 100 rpm); no border down to "
         "10,085 rpm (edge of the map).",
-        "Chaos is nearest at 3.1 kg and 10,230 rpm (mass +0.0 %, speed +1.5 %); at 10,090 rpm "
-        "from 4.5 ± 0.5 kg; at 3.1 kg "
-        "from 10,200 ± 100 rpm.",
+        "Chaos is nearest at 3.1 kg and 10,230 rpm (mass +0.0 %, speed +1.5 %); at 10,090 rpm from "
+        "4.5 ± 0.5 kg; at 3.1 kg from 10,200 ± 100 rpm.",
     ]
 
 
@@ -155,7 +153,7 @@ def test_points_outside_the_map_are_refused(mass, number, words):
 
 
 def test_a_map_with_axes_that_fall_is_refused():
-    with pytest.raises(MapError, match="do not rise"):
+    with pytest.raises(MapError, match="do not increase"):
         margin(map_of_regimes([2.0, 1.0], [1.0], [[0], [0]]), 1.0, 1.5)
 
 

@@ -153,7 +153,7 @@ def test_a_flipped_byte_or_another_file_is_refused_before_it_is_opened(m, folder
         with pytest.raises(ArtifactError, match="SHA-256"):
             load_shipped_model(m, TREE, 2, folder=folder)
     write_manifest(folder)  # `make manifest` names the bytes, but not what they were made from
-    with pytest.raises(ArtifactError, match="nothing is noted"):
+    with pytest.raises(ArtifactError, match="there is no note"):
         load_shipped_model(m, TREE, 2, folder=folder)
     assert not marker.exists()
     forged = model_source(m, TREE, 2, 0) | {"training_cells": 125, "converged": None}

@@ -18,8 +18,8 @@ def _section(function, revolutions=300):
     return section
 
 
-def _mle(value, error=0.001):
-    return Exponent(value, error, np.array([value]))
+def _mle(value, error=0.001, revolutions=300):
+    return Exponent(value, error, np.full(revolutions, value))
 
 
 @given(st.integers(1, MAX_PERIOD), st.integers(0, 2**32 - 1))
@@ -42,8 +42,31 @@ def test_torus_and_chaos_are_told_by_the_exponent():
     )
     assert classify(golden, _mle(0.003)).text == "quasi-periodic"
     assert classify(golden, _mle(0.3, 0.02)).text == "chaotic"
-    assert classify(golden, _mle(0.3, 0.2)).text == "quasi-periodic"  # not three standard errors
     assert classify(golden, _mle(0.009, 0.001)).text == "quasi-periodic"  # under 0.01
+    assert classify(golden, _mle(-0.009, 0.02)).text == "quasi-periodic"
+
+
+@pytest.mark.parametrize(
+    "value, error, revolutions",
+    [
+        (0.3, 0.2, 300),  # not three standard errors
+        (0.15, 0.09, 300),
+        (-0.05, 0.001, 300),  # decays, yet towards no cycle
+        (0.018, 0.001, 300),  # a torus' tangent may grow by ln(301) in 300 revolutions: 0.019
+        (0.3, 0.01, 99),  # too short a run
+        (0.0, 0.001, 99),
+    ],
+)
+def test_what_is_neither_clearly_zero_nor_clearly_positive_is_undecided(value, error, revolutions):
+    golden = _section(lambda k: (0.3 * np.cos(1.618 * k * 2 * np.pi), 0.0 * k), revolutions)
+    assert classify(golden, _mle(value, error, revolutions)) == Regime("undecided")
+
+
+def test_a_rate_that_fades_is_not_chaos():
+    """The mean of the first half alone is over the limit."""
+    golden = _section(lambda k: (0.3 * np.cos(1.618 * k * 2 * np.pi), 0.0 * k))
+    trace = np.cumsum(np.where(np.arange(300) < 150, 0.08, 0.005)) / np.arange(1, 301)
+    assert classify(golden, Exponent(trace[-1], 0.001, trace)) == Regime("undecided")
 
 
 def test_a_cycle_still_approached_is_periodic():
@@ -51,7 +74,7 @@ def test_a_cycle_still_approached_is_periodic():
         lambda k: (0.2 * (-1.0) ** k + 0.1 * np.exp(-0.01 * k) * np.cos(2.4 * k), 0.0 * k)
     )
     assert section_period(section) == 0
-    assert classify(section, _mle(-0.01, 0.001)) == Regime("periodic", 2)
+    assert classify(section, _mle(-0.02, 0.001)) == Regime("periodic", 2)
     assert classify(section, _mle(0.0, 0.001)).text == "quasi-periodic"
 
 

@@ -12,7 +12,7 @@ from spab_core.solver.film import Mesh
 from spab_core.solver.stepping import STATUS
 from spab_core.trajectory.run import path_angle
 
-SHORT = Settings(mesh=Mesh(3, 24), transient=20, revolutions=40)
+SHORT = Settings(mesh=Mesh(3, 24), transient=30, revolutions=30)
 
 
 def test_touchdown_is_a_status(design):
@@ -27,10 +27,9 @@ def test_touchdown_is_a_status(design):
 
 
 def test_film_without_gas_is_a_status(design):
-    """25 kg, Lambda 8.5 on 32 azimuths: behind the contact a cell loses all gas, and the step
-    shrinks to nothing.
-    """
-    point = solve_point(design, 25.0, 8.5, Settings(mesh=Mesh(4, 32), transient=40, revolutions=20))
+    """A wall that sucks: a node of the film loses all gas, and the step shrinks to nothing."""
+    sucked = design.replace(bearing__supply_pressure_ratio=0.1, bearing__permeability=1e-13)
+    point = solve_point(sucked, 5.0, 2.0, Settings("3x16", transient=40, revolutions=20))
     assert point.trajectory.status == "step-too-small"
     assert point.mle is None and "finer mesh" in point.verdict()
 
@@ -67,7 +66,7 @@ def test_path_is_close_to_a_finely_resolved_one(design):
         design,
         4.0,
         3.0,
-        Settings(mesh=Mesh(3, 24), transient=20, revolutions=40, tolerance=1e-9),
+        Settings(mesh=Mesh(3, 24), transient=30, revolutions=30, tolerance=1e-9),
         path_revolutions=3,
     )
     assert np.abs(coarse.trajectory.path - fine.trajectory.path)[..., :4].max() < 2e-3
@@ -109,8 +108,7 @@ def test_the_whole_plane_of_the_map_runs(design):
 @pytest.mark.parametrize(
     "options, word",
     [
-        ({"method": "euler"}, "rodas or dtm"),
-        ({"scheme": "best"}, "fitted or plain"),
+        ({"method": "euler"}, "rodas, dtm"),
         ({"transient": -1}, "transient"),
         ({"revolutions": 3}, "revolutions"),
         ({"revolutions": 20.5}, "whole"),

@@ -88,7 +88,7 @@ def test_models_that_remember_return_their_training_cells(name):
 
 
 def test_scaling_makes_units_irrelevant():
-    """The protocol scales inputs to [0, 1]: the same map in other units gives the same prediction."""
+    """Inputs are scaled to [0, 1]: the same map in other units gives the same prediction."""
     m = map_of(lambda number, mass: np.sin(number) * mass / 25.0)
     in_small_units = dataclasses.replace(
         m, rotor_mass=1024.0 * m.rotor_mass

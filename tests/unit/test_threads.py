@@ -24,16 +24,18 @@ from spab_core.linear_theory.whirl import whirl_thresholds
 from spab_core.solver.film import Mesh
 
 THREADS, design = 8, reference_design()
-points = [(3.0, 2.0, "2x16", "rodas"), (5.0, 3.0, "2x16", "rodas"), (8.0, 3.5, "2x16", "rodas"), (18.0, 4.5, "2x16", "rodas"),
-          (8.0, 3.5, "3x24", "rodas"), (18.0, 4.5, "3x24", "rodas"), (5.0, 3.0, "2x16", "dtm"), (18.0, 4.5, "2x16", "dtm")]
+points = [(3.0, 2.0, "2x16", "rodas"), (5.0, 3.0, "2x16", "rodas"), (8.0, 3.5, "2x16", "rodas"),
+          (18.0, 4.5, "2x16", "rodas"), (8.0, 3.5, "3x24", "rodas"), (18.0, 4.5, "3x24", "rodas"),
+          (5.0, 3.0, "2x16", "dtm"), (18.0, 4.5, "2x16", "dtm")]
 together = threading.Barrier(THREADS)
 
 def solve(point):
     mass, number, mesh, method = point
-    found = solve_point(design, mass, number, Settings(mesh, method, transient=0, revolutions=20, early_stop=False))
-    t = found.trajectory
-    threshold = [x.critical_mass for x in whirl_thresholds(design, number, Mesh(2, 16))] if method == "dtm" else []
-    return b"".join(np.ascontiguousarray(a).tobytes() for a in (t.section, t.growth, t.final, threshold)) + t.status.encode()
+    settings = Settings(mesh, method, transient=30, revolutions=20, early_stop=False)
+    t = solve_point(design, mass, number, settings).trajectory
+    whirls = whirl_thresholds(design, number, Mesh(2, 16)) if method == "dtm" else []
+    arrays = (t.section, t.growth, t.final, [x.critical_mass for x in whirls])
+    return b"".join(np.ascontiguousarray(a).tobytes() for a in arrays) + t.status.encode()
 
 def turn(k):
     together.wait(60)  # all enter at once

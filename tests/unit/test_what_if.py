@@ -79,7 +79,7 @@ def test_what_is_nought_or_infinite_is_left_out(design):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"axis": "time"}, "axis = 'time' is not allowed: choose speed or mass"),
+        ({"axis": "time"}, "axis = 'time' is not allowed: choose speed, mass"),
         ({"step": 2.0}, "step = 2 is out of range"),
         ({"speed_rpm": -1.0}, "speed = -1 rpm is out of range: allowed is from 29"),
         ({"rotor_mass": 0.0}, "rotor mass = 0 kg is out of range"),

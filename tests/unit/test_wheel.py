@@ -21,7 +21,8 @@ from streamlit.testing.v1 import AppTest
 from spab_core.common.paths import HOME
 import spab_core.reporting.report  # opens its template
 for name in ("Surrogate_map", "Model_ranking", "Where_to_solve_next", "About_the_model"):
-    at = AppTest.from_file(str(next((HOME / "pages").glob(f"*_{name}.py"))), default_timeout=60).run()
+    page = next((HOME / "pages").glob(f"*_{name}.py"))
+    at = AppTest.from_file(str(page), default_timeout=60).run()
     print(name, [e.value for e in (*at.exception, *at.error)])
 """
 

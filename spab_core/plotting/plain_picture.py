@@ -16,14 +16,17 @@ from PIL import Image
 from plotly.colors import hex_to_rgb, unlabel_rgb
 
 _STYLE = """<style>
-.spab-still{position:relative;display:flex;flex-direction:column;font-size:12px;line-height:1}
-.spab-still :is(i,b){font-style:normal;font-weight:400;white-space:nowrap} .spab-still b{font-size:14px}
+.spab-picture{position:relative;display:flex;flex-direction:column;font-size:12px;line-height:1}
+.spab-picture :is(i,b){font-style:normal;font-weight:400;white-space:nowrap}
+.spab-picture b{font-size:14px}
 .spab-plot{flex:1;position:relative;pointer-events:auto;cursor:crosshair;color:rgba(128,132,149,1)}
 .spab-plot *{position:absolute;pointer-events:none;user-select:none}
 .spab-plot img{inset:0;width:100%;height:100%;max-width:none;image-rendering:pixelated}
-.spab-plot .spab-cross{inset:auto;width:20px;height:20px;left:var(--x);top:var(--y);translate:-50% -50%}
+.spab-plot .spab-cross{inset:auto;width:20px;height:20px;left:var(--x);top:var(--y);
+translate:-50% -50%}
 .spab-key{align-self:flex-start;display:flex;flex-wrap:wrap;padding-left:5px}
-.spab-key i{display:flex;align-items:center;height:29px;gap:5px;margin-right:7.5px} .spab-key s{width:30px}
+.spab-key i{display:flex;align-items:center;height:29px;gap:5px;margin-right:7.5px}
+.spab-key s{width:30px}
 .spab-key s.spab-square{width:11px;height:11px;margin:0 10px}
 </style>"""
 _GRID = "rgba(128,132,149,0.2)"
@@ -67,7 +70,8 @@ def ticks(low: float, high: float, most: int) -> np.ndarray:
     power = 10.0 ** np.floor(np.log10(rough))
     step = next(k * power for k in (1, 2, 5, 10) if k * power >= rough)
     ends: np.ndarray = np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1)
-    return step * ends
+    ends *= step
+    return ends
 
 
 def _line(trace: go.Scatter, x_range: Sequence[float], y_range: Sequence[float]) -> str:
@@ -122,7 +126,10 @@ def _legend(figure: go.Figure, style: str) -> str:
 
 def _svg(size: int, paths: str, kind: str = "") -> str:
     """A square SVG as an image: Streamlit drops what is drawn within HTML."""
-    text = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {size} {size}" preserveAspectRatio="none">{paths}</svg>'
+    text = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {size} {size}" '
+        f'preserveAspectRatio="none">{paths}</svg>'
+    )
     source = base64.b64encode(text.encode()).decode()
     return f'<img alt="" decoding="sync" class="{kind}" src="data:image/svg+xml;base64,{source}">'
 
@@ -132,20 +139,23 @@ def _axes(layout: go.Layout, low: int, left: int) -> str:
     and beside it.
     """
     told = [
-        f'<b style="left:50%;bottom:-{low}px;translate:-50%">{html.escape(layout.xaxis.title.text)}</b>',
+        f'<b style="left:50%;bottom:-{low}px;translate:-50%">'
+        f"{html.escape(layout.xaxis.title.text)}</b>",
         f'<b style="left:-{left}px;top:50%;translate:-50% '
         f'-50%;rotate:-90deg">{html.escape(layout.yaxis.title.text)}</b>',
     ]
     axes = [(layout.xaxis, "g", "bottom:-31px")]
     if "xaxis2" in layout:
         told.append(
-            f'<b style="left:50%;top:-39px;translate:-50%">{html.escape(layout.xaxis2.title.text)}</b>'
+            '<b style="left:50%;top:-39px;translate:-50%">'
+            f"{html.escape(layout.xaxis2.title.text)}</b>"
         )
         axes.append((layout.xaxis2, ",.0f", "top:-20px"))
     for axis, numbers, place in axes:
         a, b = axis.range
         told += [
-            f'<i style="left:{100 * (v - a) / (b - a):.2f}%;{place};translate:-50%">{_number(v, numbers)}</i>'
+            f'<i style="left:{100 * (v - a) / (b - a):.2f}%;{place};translate:-50%">'
+            f"{_number(v, numbers)}</i>"
             for v in ticks(a, b, 6)
         ]
     a, b = layout.yaxis.range
@@ -185,7 +195,7 @@ def _bar(trace: go.Heatmap) -> str:
 
 
 @dataclass(frozen=True)
-class Still:
+class PlainPicture:
     """The picture without its cross.
 
     Attributes
@@ -207,7 +217,7 @@ class Still:
     shape: tuple[int, int]
 
     def marked(self, x: float, y: float) -> str:
-        """HTML of any width, a ``div`` of the class ``spab-still`` with its style; a cross at (x,
+        """HTML of any width, a ``div`` of the class ``spab-picture`` with its style; a cross at (x,
         y).
         """
         left, top = (
@@ -218,15 +228,18 @@ class Still:
 
 
 def _picture(inside: str, height: int, style: str = "") -> str:
-    return f'{_STYLE}<div class="spab-still" aria-hidden="true" style="height:{height}px;{style}">{inside}</div>'
+    return (
+        f'{_STYLE}<div class="spab-picture" aria-hidden="true" style="height:{height}px;{style}">'
+        f"{inside}</div>"
+    )
 
 
 # Margins below are, in pixels, where Plotly puts the axes of these figures.
 
 
-def still(figure: go.Figure) -> Still:
-    """The picture of a figure of :func:`spab_core.plotting.map.map_figure`: a heatmap, lines over it, a second
-    horizontal axis.
+def picture_of_map(figure: go.Figure) -> PlainPicture:
+    """Draw a figure of :func:`spab_core.plotting.map.map_figure`: a heatmap, lines over it, a
+    second horizontal axis.
     """
     heat = next(t for t in figure.data if t.type == "heatmap")
     layout = figure.layout
@@ -241,7 +254,7 @@ def still(figure: go.Figure) -> Still:
         f"{_svg(20, cross, 'spab-cross')}{_axes(layout, 56, 54)}{_bar(heat)}</div>"
         f"{_legend(figure, 'margin-left:67px;background:#fff;color:#000')}"
     )
-    return Still(
+    return PlainPicture(
         inside,
         layout.height,
         tuple(layout.xaxis.range),
@@ -250,9 +263,9 @@ def still(figure: go.Figure) -> Still:
     )
 
 
-def orbit_still(figure: go.Figure) -> str:
-    """The picture of a figure of :func:`spab_core.plotting.point.orbit_figure`: lines in a square; HTML as of
-    :meth:`Still.marked`.
+def picture_of_orbits(figure: go.Figure) -> str:
+    """Draw a figure of :func:`spab_core.plotting.point.orbit_figure`, lines in a square; return
+    HTML as :meth:`PlainPicture.marked`.
     """
     layout = figure.layout
     side, (low, high) = layout.height - 111, layout.xaxis.range
@@ -262,7 +275,8 @@ def orbit_still(figure: go.Figure) -> str:
         for at in 1000.0 * (ticks(low, high, 6) - low) / (high - low)
     )
     return _picture(
-        f'<b style="position:absolute;left:4px;top:4px;font-weight:600">{html.escape(layout.title.text)}</b>'
+        '<b style="position:absolute;left:4px;top:4px;font-weight:600">'
+        f"{html.escape(layout.title.text)}</b>"
         '<div class="spab-plot" style="margin:30px 0 42px calc(50% + 20px - '
         f'{side / 2}px);width:{side}px">'
         f"{_svg(1000, grid)}{_lines(figure)}{_axes(layout, 51, 50)}</div>"

@@ -1,4 +1,4 @@
-"""The plain pictures of map and orbits (spab_core/plotting/still.py) show what the Plotly figures
+"""The plain pictures of map and orbits (plotting/plain_picture.py) show what the Plotly figures
 show, where they show it.
 """
 
@@ -15,7 +15,7 @@ from PIL import Image
 from plotly.colors import sample_colorscale, unlabel_rgb
 
 from spab_core.plotting.map import LAYERS, map_figure
-from spab_core.plotting.still import orbit_still, still, ticks
+from spab_core.plotting.plain_picture import picture_of_map, picture_of_orbits, ticks
 from spab_core.surrogates.models import linear_table_of
 from tests.maps import map_of, plane, with_hole
 
@@ -35,7 +35,7 @@ def test_cells_have_the_colours_of_the_scale(figure):
     """Each pixel against Plotly's own interpolation of the colour scale; no exponent: no colour."""
     heat = next(t for t in figure.data if t.type == "heatmap")
     z = np.asarray(heat.z, float)
-    pixels = np.asarray(Image.open(io.BytesIO(sources(still(figure).inside)[0])))[
+    pixels = np.asarray(Image.open(io.BytesIO(sources(picture_of_map(figure).inside)[0])))[
         ::-1
     ]  # the lowest mass is the last row
     assert pixels.shape == (*z.shape, 4)
@@ -47,7 +47,7 @@ def test_cells_have_the_colours_of_the_scale(figure):
 
 
 def test_lines_and_cross_stand_where_the_axes_say(figure):
-    picture = still(figure)
+    picture = picture_of_map(figure)
     line = next(
         t for t in figure.data if t.name == "linear stability threshold" and t.line.dash == "dash"
     )
@@ -60,19 +60,24 @@ def test_lines_and_cross_stand_where_the_axes_say(figure):
     assert "--x:50.00%;--y:50.00%" in picture.marked(0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1]))
 
 
-@pytest.mark.parametrize("layer", LAYERS[:4])
+@pytest.mark.parametrize("layer", LAYERS[:-1])
 def test_every_layer_has_a_picture_with_axes_in_units(layer):
     m = map_of(plane)
-    html = still(map_figure(m, layer)).marked(float(m.bearing_number[0]), float(m.rotor_mass[0]))
+    html = picture_of_map(map_figure(m, layer)).marked(
+        float(m.bearing_number[0]), float(m.rotor_mass[0])
+    )
     assert (
         "Bearing number Λ" in html
         and "Rotor mass on one bearing, kg" in html
         and "Shaft speed, rpm" in html
     )
-    assert html.count("base64,") == 3 and ("linear-gradient" in html) == (layer != "Regime")
+    assert html.count("base64,") == 3 and ("linear-gradient" in html) == (
+        layer not in ("Assessment", "Regime")
+    )
     assert "border of chaos" in html and ("chaotic</i>" in html) == (
         layer == "Regime"
     )  # the legend
+    assert ("not recommended</i>" in html) == (layer == "Assessment")
 
 
 def test_orbits_are_drawn_to_scale():
@@ -95,7 +100,7 @@ def test_orbits_are_drawn_to_scale():
         xaxis={"title": "X / C", "range": [-1.25, 1.25]},
         yaxis={"title": "Y / C", "range": [-1.25, 1.25]},
     )
-    html = orbit_still(figure)
+    html = picture_of_orbits(figure)
     grid, lines = (text.decode() for text in sources(html))
     assert 'd="M700 500L500 300L300 500L500 700L700 500"' in lines
     assert [float(v) for v in re.findall(r"M([0-9.]+) 0V", grid)] == [

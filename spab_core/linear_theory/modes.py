@@ -1,0 +1,129 @@
+"""Vibrations of the rotor on its film, about the static equilibrium: frequency, damping, direction
+of whirl, shape and name.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from spab_core.solver.film import film_size
+from spab_core.solver.slope import slope_and_jacobian
+from spab_core.solver.system import System
+
+# API 617, chapter 1: a vibration whose amplification factor is less is critically damped
+LEAST_AMPLIFICATION = 2.5
+SLOWEST_WHIRL = 1e-6  # frequency over the shaft speed; below it nothing oscillates
+FILM_MODE, SHAFT_MODE = "film whirl", "shaft bending"
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A vibration that oscillates.
+
+    Attributes
+    ----------
+    ratio : float
+        Frequency over the shaft speed.
+    growth : float
+        Natural logarithm per revolution; negative: it decays.
+    forward : bool
+        Whether it whirls with the rotation.
+    shape : ndarray of complex, (4,), or None
+        Journal x, y, disc x, y; of length 1. None where it was not kept.
+    """
+
+    ratio: float
+    growth: float
+    forward: bool
+    shape: np.ndarray | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def root(self) -> complex:
+        """Eigenvalue per unit tau."""
+        return complex(self.growth / (2.0 * math.pi), self.ratio)
+
+    @property
+    def name(self) -> str:
+        """:data:`SHAFT_MODE` where the shaft is deflected by more than the journal moves in its
+        film, else :data:`FILM_MODE`.
+        """
+        assert self.shape is not None
+        journal, disc = self.shape[:2], self.shape[2:]
+        bends = np.linalg.norm(disc - journal) > np.linalg.norm(journal)
+        return SHAFT_MODE if bends else FILM_MODE
+
+    def likeness(self, other: Mode) -> float:
+        """Modal assurance criterion of the two shapes, 0 to 1."""
+        assert self.shape is not None and other.shape is not None
+        return float(abs(np.vdot(self.shape, other.shape)) ** 2)
+
+    @property
+    def log_decrement(self) -> float:
+        """Natural logarithm of the ratio of successive amplitudes, one period apart."""
+        return -self.growth / self.ratio
+
+    @property
+    def amplification(self) -> float:
+        """Amplification factor pi / log decrement, 1/(2 D) of the damping ratio D; inf where it
+        does not decay.
+        """
+        return math.pi / self.log_decrement if self.log_decrement > 0.0 else math.inf
+
+    def record(self) -> dict[str, Any]:
+        """Return plain values; no amplification where it does not decay."""
+        factor = self.amplification
+        return {
+            "whirl_ratio": self.ratio,
+            "log_decrement": self.log_decrement,
+            "amplification": factor if math.isfinite(factor) else None,
+            "forward": self.forward,
+        }
+
+
+def rotor_modes(system: System, state: np.ndarray) -> list[Mode]:
+    """Find all vibrations of film and rotor, the least stable first.
+
+    Parameters
+    ----------
+    system : System
+        Without unbalance.
+    state : ndarray
+        Its static equilibrium.
+    """
+    unknowns, n = system.unknowns, film_size(system.film)
+    _, jacobian = slope_and_jacobian(system, state, unknowns)
+    values, vectors = np.linalg.eig(jacobian[unknowns])
+    journal = vectors[n : n + 2]
+    disc = journal if system.rotor.rigid else vectors[n + 2 : n + 4]
+    shapes = np.concatenate([journal, disc])
+    x, y = shapes[::2], shapes[1::2]
+    # with the rotation, from X to Y, the motion along Y follows a quarter of a turn later
+    forward = (np.abs(x + 1j * y) ** 2).sum(0) > (np.abs(x - 1j * y) ** 2).sum(0)
+    return [
+        Mode(
+            float(values[k].imag),
+            2.0 * math.pi * float(values[k].real),
+            bool(forward[k]),
+            shapes[:, k] / np.linalg.norm(shapes[:, k]),
+        )
+        for k in np.argsort(-values.real)
+        if values[k].imag > SLOWEST_WHIRL and np.any(shapes[:, k])
+    ]
+
+
+def lightly_damped_modes(system: System, state: np.ndarray) -> tuple[Mode, ...]:
+    """Find the vibrations whose amplification factor is at least :data:`LEAST_AMPLIFICATION`.
+
+    Parameters are those of :func:`rotor_modes`.
+
+    Returns
+    -------
+    tuple of Mode
+        By rising logarithmic decrement.
+    """
+    light = [m for m in rotor_modes(system, state) if m.amplification >= LEAST_AMPLIFICATION]
+    return tuple(sorted(light, key=lambda m: m.log_decrement))

@@ -1,0 +1,357 @@
+"""What a motion is worth to a designer: good, to be watched, or to be avoided, and why
+(docs/assessment.md).
+
+The rules of a motion are written once, on arrays: a point has single values, a map many."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from spab_core.common.validation import check_number
+from spab_core.design.model import Design
+from spab_core.linear_theory.modes import LEAST_AMPLIFICATION, Mode
+from spab_core.linear_theory.summary import Derived
+from spab_core.solver.stepping import STATUS_TEXT
+
+GRADES = ("good", "watch", "avoid")  # by rising gravity
+GOOD, WATCH, AVOID = range(len(GRADES))
+GRADE_WORDS = {"good": "good", "watch": "to be watched", "avoid": "not recommended"}
+CONTACT = 0.001  # largest share of the time in contact
+NEAR = 1.5  # a film is watched up to this many times its limit
+FEWEST_MICRONS, ASPERITIES = 3e-6, 5.0  # of the usual limit of the film: m, roughness lengths
+LIGHT = 0.1  # logarithmic decrement under which a whirl is lightly damped
+RESONANT = 8.0  # amplification from which on a speed near the mode is avoided
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a designer allows.
+
+    Attributes
+    ----------
+    least_film : float or None
+        Thinnest film, m; None: the larger of 3 µm and five roughness lengths of the wall.
+    eccentricity : float
+        Largest eccentricity, over C, that is not to be avoided.
+    calm_eccentricity : float
+        Largest eccentricity that needs no watching; at most ``eccentricity``.
+    orbit : float
+        Largest orbit, half the longer side of the rectangle around it over C: of a subharmonic or
+        quasi-periodic whirl, which is avoided beyond it, and of a period 1, which is watched.
+    separation : float
+        Of a lightly damped vibration from the shaft speed, in times API 617's separation margin;
+        0: resonance is not judged.
+
+    Raises
+    ------
+    DesignError
+        For a value out of range.
+    """
+
+    least_film: float | None = None
+    eccentricity: float = 0.8
+    calm_eccentricity: float = 0.5
+    orbit: float = 0.5
+    separation: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.least_film is not None:
+            check_number("least film", 1e6 * self.least_film, 0.0, 1000.0, "µm")
+        check_number("largest eccentricity", self.eccentricity, 0.05, 1.0)
+        check_number("calm eccentricity", self.calm_eccentricity, 0.0, self.eccentricity)
+        check_number("largest orbit", self.orbit, 0.01, 1.0)
+        check_number("separation", self.separation, 0.0, 5.0)
+
+    def film(self, design: Design) -> float:
+        """Return the thinnest film allowed in a design, m."""
+        if self.least_film is not None:
+            return self.least_film
+        b = design.bearing
+        return max(FEWEST_MICRONS, ASPERITIES * design.contact.roughness * b.clearance)
+
+
+DEFAULT_LIMITS = Limits()
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """A grade and why.
+
+    Attributes
+    ----------
+    grade : str
+        One of :data:`GRADES`.
+    reasons : tuple of str
+        By falling gravity, with number and limit; each begins small and has no full stop. Empty
+        where everything is good.
+    motion, rest : str
+        What the rotor does with unbalance, and at rest on its film without it, in a sentence each.
+    """
+
+    grade: str
+    reasons: tuple[str, ...]
+    motion: str
+    rest: str
+
+    @property
+    def words(self) -> str:
+        """The grade in words."""
+        return GRADE_WORDS[self.grade]
+
+
+class Rule(NamedTuple):
+    """A rule that may hold: how grave it is, where it holds, what to say there."""
+
+    grade: int
+    holds: np.ndarray | bool
+    words: Callable[[], str]
+
+
+class Motion(NamedTuple):
+    """What the rules look at: single values, or arrays of one shape, by the names of a map's."""
+
+    regime: np.ndarray | str
+    period: np.ndarray | int
+    status: np.ndarray | str
+    contact_share: np.ndarray | float
+    max_eccentricity: np.ndarray | float
+    orbit_amplitude: np.ndarray | float
+    thin_film_share: np.ndarray | float
+
+
+def motion_words(regime: str, period: int, status: str = "ok") -> str:
+    """Return a motion in words that a designer has for it; without a full stop."""
+    if not regime:
+        return f"The run failed ({STATUS_TEXT[status]})"
+    if period == 2:
+        return "Half-speed whirl, locked to the rotation"
+    if period > 2:
+        return f"Whirl locked to the rotation, which repeats every {period} revolutions"
+    return {
+        "periodic": "Repeats every revolution",
+        "quasi-periodic": "Whirl of its own frequency (quasi-periodic)",
+        "chaotic": "Chaotic: never repeats, and its loads are not predictable",
+        "undecided": "Undecided: it does not repeat, and its exponent is neither clearly zero nor "
+        "clearly positive (measure more revolutions)",
+    }[regime]
+
+
+def motion_rules(design: Design, motion: Motion, limits: Limits = DEFAULT_LIMITS) -> Iterator[Rule]:
+    """Yield the rules of a motion, the gravest first.
+
+    Parameters
+    ----------
+    design : Design
+    motion : Motion
+        nan stands for what is not known; an unknown orbit counts as large as its eccentricity,
+        which it cannot exceed.
+    limits : Limits
+    """
+    m = motion
+    contact, eccentricity = np.asarray(m.contact_share), np.asarray(m.max_eccentricity)
+    orbit = np.where(np.isnan(m.orbit_amplitude), eccentricity, m.orbit_amplitude)
+    thin = np.asarray(m.thin_film_share)
+    regime, period = np.asarray(m.regime), np.asarray(m.period)
+    ok = np.asarray(m.status) == "ok"
+    subharmonic = ok & (regime == "periodic") & (period != 1)
+    torus = ok & (regime == "quasi-periodic")
+    whirl, large = subharmonic | torus, orbit > limits.orbit
+    clearance, least = design.bearing.clearance, limits.film(design)
+    film = clearance * (1.0 - eccentricity)
+
+    def told() -> str:
+        words = motion_words(str(m.regime), int(m.period), str(m.status))
+        return words[0].lower() + words[1:]
+
+    def orbit_words() -> str:
+        known = "" if not np.isnan(m.orbit_amplitude) else "at most "
+        return f"{known}{100 * orbit:.0f} % of the clearance, limit {100 * limits.orbit:.0f} %"
+
+    def eccentricity_words(limit: float) -> str:
+        often = f", over 0.9 in {100 * thin:.1f} % of the time" if thin > 0.0005 else ""
+        return f"largest eccentricity {eccentricity:.3f}, limit {limit:.2f}{often}"
+
+    yield Rule(AVOID, ~ok, told)
+    yield Rule(
+        AVOID,
+        ok & (contact > CONTACT),
+        lambda: f"contact in {100 * contact:.3g} % of the time, limit {100 * CONTACT:g} %",
+    )
+    yield Rule(AVOID, ok & (regime == "chaotic"), told)
+    yield Rule(AVOID, whirl & large, lambda: told() + f": {orbit_words()}")
+    yield Rule(
+        AVOID,
+        ok & (film < least),
+        lambda: f"least film {1e6 * film:.1f} µm, limit {1e6 * least:.1f} µm",
+    )
+    yield Rule(
+        AVOID,
+        ok & (eccentricity > limits.eccentricity),
+        lambda: eccentricity_words(limits.eccentricity),
+    )
+    yield Rule(WATCH, ok & (regime == "undecided"), told)
+    yield Rule(WATCH, whirl & ~large, lambda: told() + f": {orbit_words()}")
+    yield Rule(
+        WATCH,
+        ok & (regime == "periodic") & (period == 1) & large,
+        lambda: f"large orbit: {orbit_words()}",
+    )
+    yield Rule(
+        WATCH,
+        ok & (film >= least) & (film < NEAR * least),
+        lambda: (
+            f"least film {1e6 * film:.1f} µm, within {NEAR:g} of the limit {1e6 * least:.1f} µm"
+        ),
+    )
+    yield Rule(
+        WATCH,
+        ok & (eccentricity > limits.calm_eccentricity) & (eccentricity <= limits.eccentricity),
+        lambda: eccentricity_words(limits.calm_eccentricity),
+    )
+    yield Rule(
+        WATCH,
+        ok & (np.isnan(contact) | np.isnan(eccentricity)),
+        lambda: "contact and eccentricity are not known",
+    )
+
+
+def rest_rules(rest: Derived | None, limits: Limits = DEFAULT_LIMITS) -> Iterator[Rule]:
+    """Yield the rules of linear theory about the static equilibrium, the gravest first; ``rest`` is
+    None where nothing is known of it.
+    """
+    if rest is None:
+        yield Rule(WATCH, True, lambda: "resonance is not judged: no result of linear theory")
+        return
+    if rest.status != "ok":
+        yield Rule(WATCH, True, lambda: f"resonance is not judged: {rest.status}")
+        return
+    yield Rule(AVOID, rest.lies_on_wall, rest.lift_words)
+    forward = [m for m in rest.modes if m.forward and m.log_decrement > 0.0]
+    for mode in forward:
+        away, margin = abs(mode.ratio - 1.0), limits.separation * separation_margin(mode)
+        close = mode.amplification > RESONANT and away < margin / 3.0
+        yield Rule(
+            AVOID if close else WATCH,
+            away < margin,
+            partial(_resonance_words, mode, margin, rest.speed_rpm),
+        )
+    whirl = rest.whirl
+    if whirl and not whirl.stable:
+        yield Rule(
+            WATCH,
+            True,
+            lambda: (
+                f"unstable at rest: a whirl of {whirl.speed_rpm:,.0f} a minute grows by "
+                f"{whirl.growth:.3g} per revolution"
+            ),
+        )
+    # only what is slower than the shaft can be fed by its rotation
+    slow = [m.log_decrement for m in forward if m.ratio < 1.0]
+    if slow and min(slow) < LIGHT:
+        yield Rule(
+            WATCH,
+            True,
+            lambda: (
+                f"lightly damped at rest: logarithmic decrement {min(slow):.3f}, limit {LIGHT:g}"
+            ),
+        )
+
+
+def _resonance_words(mode: Mode, margin: float, speed_rpm: float) -> str:
+    return (
+        f"resonance: a whirl of {mode.ratio * speed_rpm:,.0f} a minute with the amplification "
+        f"{mode.amplification:.1f} is {100 * abs(mode.ratio - 1.0):.1f} % from the speed, limit "
+        f"{100 * margin:.0f} %"
+    )
+
+
+def separation_margin(mode: Mode) -> float:
+    """Return the separation of a vibration from the shaft speed that API 617 (chapter 1,
+    unbalance response) asks for, over the speed.
+
+    With the amplification AF it is 17 % (1 - 1/(AF - 1.5)) where the vibration is slower, 10 % more
+    where it is faster, nothing where AF < 2.5.
+    """
+    factor = mode.amplification
+    if factor < LEAST_AMPLIFICATION:
+        return 0.0
+    margin = 0.17 * (1.0 - 1.0 / (factor - 1.5))
+    return margin if mode.ratio < 1.0 else 0.10 + margin
+
+
+def assess(
+    design: Design,
+    motion: Motion | None,
+    rest: Derived | None = None,
+    limits: Limits = DEFAULT_LIMITS,
+) -> Assessment:
+    """Judge an operating point.
+
+    Parameters
+    ----------
+    design : Design
+    motion : Motion or None
+        Of single values; None where it is not solved.
+    rest : Derived or None
+        Of the static equilibrium; None where nothing is known of it. What is not known is said, and
+        never good.
+    limits : Limits
+
+    Returns
+    -------
+    Assessment
+    """
+    if motion is None:
+        rules = [Rule(WATCH, True, lambda: "the motion with unbalance is not solved")]
+        if rest is not None and rest.status != "ok":
+            rules.insert(0, Rule(AVOID, True, lambda: rest.status))
+    else:
+        rules = list(motion_rules(design, motion, limits))
+    rules += rest_rules(rest, limits)
+    found = sorted((r for r in rules if r.holds), key=lambda r: -r.grade)
+    grade = GRADES[max((r.grade for r in found), default=GOOD)]
+    return Assessment(
+        grade,
+        tuple(r.words() for r in found),
+        _motion_line(design, motion, grade),
+        rest.verdict() if rest else "At rest: not known.",
+    )
+
+
+def _motion_line(design: Design, motion: Motion | None, grade: str) -> str:
+    if motion is None:
+        return f"The motion with unbalance is not solved: {GRADE_WORDS[grade]}."
+    words = motion_words(str(motion.regime), int(motion.period), str(motion.status))
+    e = float(motion.max_eccentricity)
+    if motion.regime and not math.isnan(e):
+        film = 1e6 * design.bearing.clearance * (1.0 - e)
+        words += f"; {100 * e:.0f} % of the clearance, least film {film:.1f} µm"
+    return f"{words}: {GRADE_WORDS[grade]}."
+
+
+def grades(design: Design, motions: Motion, limits: Limits = DEFAULT_LIMITS) -> np.ndarray:
+    """Judge many motions by their own rules alone, without linear theory.
+
+    Parameters
+    ----------
+    design : Design
+    motions : Motion
+        Arrays of one shape.
+    limits : Limits
+
+    Returns
+    -------
+    ndarray of str
+        Of :data:`GRADES`, in the same shape.
+    """
+    worst = np.full(np.shape(motions.regime), GOOD)
+    for rule in motion_rules(design, motions, limits):
+        worst = np.where(rule.holds, np.maximum(worst, rule.grade), worst)
+    found: np.ndarray = np.array(GRADES)[worst]
+    return found
