@@ -12,8 +12,8 @@ from spab_core.plotting.map import HEIGHT, LAYERS, SURROGATE
 from spab_core.plotting.plain_picture import picture_of_orbits
 from spab_core.plotting.point import orbit_figure
 from spab_core.reporting.export import map_netcdf, map_table
-from spab_core.solver.film import suitable_mesh
 from spab_core.surrogates.models import MODELS
+from spab_core.trajectory.provenance import film_nodes
 from spab_core.ui.clicks import clickable, mark_place
 from spab_core.ui.downloads import downloads
 from spab_core.ui.margin import margin_panel
@@ -97,8 +97,8 @@ with left:
     )
     st.caption(
         f"{told}Click a cell, or type the point. {m.shape[0]} × {m.shape[1]} cold starts on "
-        f"{suitable_mesh(m.design)} film "
-        "nodes; the linear threshold is that of the static equilibrium without unbalance."
+        f"{film_nodes(m.metadata)}; the linear threshold is that of the static equilibrium "
+        "without unbalance."
     )
     st.caption(f"Where map and linear theory disagree. {linear_words()}")
 

@@ -25,11 +25,10 @@ from spab_core.common.files import write_atomically
 from spab_core.shipped.manifest import load_reference_map
 from spab_core.solver.cache import solver_hash
 from spab_core.solver.stepping import REVOLUTION
-from spab_core.solver.system import build_system
-from spab_core.trajectory import periodic_orbit, run, shooting
 from spab_core.trajectory.lyapunov import exponent
 from spab_core.trajectory.point import OperatingPoint, solve_point
 from spab_core.trajectory.regimes import classify
+from spab_core.trajectory.run import Run
 from spab_core.trajectory.settings import Settings
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -65,25 +64,18 @@ def answer(point):
     }
 
 
-def code():
-    """Hash of the kernels and of the early stop."""
-    sources = [Path(module.__file__).read_bytes() for module in (periodic_orbit, run, shooting)]
-    return hashlib.sha256(solver_hash().encode() + b"".join(sources)).hexdigest()
-
-
 def solve_finely(design, mass, number, settings):
     """A point on steps of at most 1/1536 revolution."""
-    system = build_system(design, mass, number, settings.mesh, settings.scheme)
-    t = run.Run(design, system, settings, max_step=REVOLUTION / FINE_STEPS).solve()
+    t = Run(design, (mass, number), settings, max_step=REVOLUTION / FINE_STEPS).solve()
     mle = exponent(t.growth) if t.status == "ok" else None
     regime = classify(t.section, mle) if mle else None
     return OperatingPoint(design, mass, number, settings, t, mle, regime)
 
 
-def solve(design, mass, number, settings, folder, version, solver=solve_point):
+def solve(design, mass, number, settings, folder, solver=solve_point):
     """A cell's answer, from the folder where it is there already."""
     plan = json.dumps(
-        [version, solver.__name__, design.to_dict(), mass, number, settings.to_dict()]
+        [solver_hash(), solver.__name__, design.to_dict(), mass, number, settings.to_dict()]
     )
     path = folder / f"{hashlib.sha256(plan.encode()).hexdigest()[:24]}.json"
     if not path.exists():
@@ -93,12 +85,12 @@ def solve(design, mass, number, settings, folder, version, solver=solve_point):
 
 
 def compare(design, mass, number, early, full, folder):
-    """Both answers of a cell; the full one does not depend on the early stop's code."""
-    short = solve(design, mass, number, early, folder, code())
+    """Both answers of a cell."""
+    short = solve(design, mass, number, early, folder)
     solver = solve_point
     if short["settled"] and short["mle"] < STRONG:
         solver, full = solve_finely, dataclasses.replace(full, transient=100, revolutions=100)
-    return mass, number, short, solve(design, mass, number, full, folder, solver_hash(), solver)
+    return mass, number, short, solve(design, mass, number, full, folder, solver)
 
 
 def allowed(early, full):
@@ -118,7 +110,8 @@ def main():
     full = dataclasses.replace(early, early_stop=False, revolutions=2000)
     if options.tolerance:
         full = dataclasses.replace(full, tolerance=options.tolerance)
-    stopped = np.argwhere((m.regime == "periodic") & (m.revolutions < m.revolutions.max()))
+    whole = about["transient"] + about["revolutions"]
+    stopped = np.argwhere((m.regime == "periodic") & (m.revolutions < whole))
     chosen = stopped[np.linspace(0, len(stopped) - 1, options.cells).round().astype(int)]
     cells = [*NAMED, *((float(m.rotor_mass[c]), float(m.bearing_number[r])) for r, c in chosen)]
     folder = ROOT / "build" / "early_stop"

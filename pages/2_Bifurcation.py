@@ -10,6 +10,7 @@ from spab_core.maps.bifurcation import SWEEPS, line_of_map
 from spab_core.plotting.lines import COORDINATES
 from spab_core.shipped.manifest import ARTIFACTS, BIFURCATIONS
 from spab_core.trajectory.expected_time import expected_seconds
+from spab_core.trajectory.provenance import film_nodes
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.lines import done_with_more, line_command, line_of_job, line_view, shipped_line
 from spab_core.ui.point import chosen_settings, duration, solver_controls
@@ -105,7 +106,7 @@ if kind == "paper":
                 height=415,
             )
     st.caption(
-        f"Reference bearing, {line.metadata['mesh']} film nodes, {line.metadata['transient']} + "
+        f"Reference bearing, {film_nodes(line.metadata)}, {line.metadata['transient']} + "
         f"{line.metadata['revolutions']} revolutions a point, shipped with spab."
     )
     st.stop()

@@ -11,9 +11,9 @@ from spab_core.cli.options import Answer, Commands
 from spab_core.cli.point import assessment_lines
 from spab_core.cli.progress import say_compiling
 from spab_core.common.errors import InputError
-from spab_core.common.units import from_rpm
 from spab_core.common.validation import check_number
-from spab_core.design.limits import BEARING_NUMBER_RANGE, check_point
+from spab_core.design.form import bearing_number_of
+from spab_core.design.limits import check_point
 from spab_core.design.model import Design
 from spab_core.maps.margin import margin
 from spab_core.maps.solved_margin import (
@@ -71,11 +71,8 @@ def _margin(args: Namespace) -> Answer:
 
 def _number(args: Namespace, design: Design) -> float:
     if args.bearing_number is not None:
-        return float(args.bearing_number)
-    low, high = (design.speed_rpm(b) for b in BEARING_NUMBER_RANGE)
-    check_number("--rpm", args.rpm, low, high, "rpm")
-    found = design.bearing_number(from_rpm(args.rpm))
-    return min(max(found, BEARING_NUMBER_RANGE[0]), BEARING_NUMBER_RANGE[1])
+        return float(args.bearing_number)  # checked with the map, or the point
+    return bearing_number_of(design, None, args.rpm, "--rpm")
 
 
 def _solved(args: Namespace) -> Answer:

@@ -216,10 +216,18 @@ def grade_of_eccentricity(
     return 1e3 * eccentricity * (1.0 - journal_mass_fraction) * from_rpm(speed_rpm)
 
 
+def nearest_bearing_number(design: Design, speed_rpm: float) -> float:
+    """Return the bearing number at a shaft speed in rpm, or the nearest one that is allowed."""
+    low, high = BEARING_NUMBER_RANGE
+    return min(max(design.bearing_number(from_rpm(speed_rpm)), low), high)
+
+
 def bearing_number_of(
-    design: Design, bearing_number: float | None, speed_rpm: float | None
+    design: Design, bearing_number: float | None, speed_rpm: float | None, name: str = "speed"
 ) -> float:
     """The bearing number, given as such or by the shaft speed in rpm: exactly one of both.
+
+    ``name`` is what to call the speed in the message.
 
     Raises
     ------
@@ -231,5 +239,4 @@ def bearing_number_of(
     if speed_rpm is None:
         return check_number("bearing number", bearing_number, *BEARING_NUMBER_RANGE)
     low, high = (design.speed_rpm(limit) for limit in BEARING_NUMBER_RANGE)
-    number = design.bearing_number(from_rpm(check_number("speed", speed_rpm, low, high, "rpm")))
-    return min(max(number, BEARING_NUMBER_RANGE[0]), BEARING_NUMBER_RANGE[1])
+    return nearest_bearing_number(design, check_number(name, speed_rpm, low, high, "rpm"))

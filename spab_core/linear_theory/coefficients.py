@@ -26,8 +26,7 @@ from spab_core.common.validation import check_number
 from spab_core.design.model import Design
 from spab_core.linear_theory.film_whirl import follow_film_whirl
 from spab_core.linear_theory.impedance import Impedance, impedance
-from spab_core.linear_theory.modes import SLOWEST_WHIRL, Mode
-from spab_core.linear_theory.whirl import spectrum_of
+from spab_core.linear_theory.modes import Mode
 from spab_core.solver.film import AUTO, Mesh
 
 WHIRL_RANGE = (0.0, 1000.0)  # whirl frequency over the shaft speed
@@ -276,12 +275,3 @@ def _missing(
         for number, item in zip(bearing_numbers, found, strict=True)
         if item is None
     ]
-
-
-def least_stable_whirl(at: Impedance) -> complex | None:
-    """The least stable oscillating eigenvalue of rotor and bearing, per unit tau, frequency > 0;
-    None where all only decay.
-    """
-    found = spectrum_of(at.system, at.equilibrium.state)
-    whirls = [] if found is None else [v for v in found[0] if v.imag > SLOWEST_WHIRL]
-    return complex(whirls[0]) if whirls else None

@@ -5,6 +5,7 @@ of whirl, shape and name.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -115,15 +116,9 @@ def rotor_modes(system: System, state: np.ndarray) -> list[Mode]:
     ]
 
 
-def lightly_damped_modes(system: System, state: np.ndarray) -> tuple[Mode, ...]:
-    """Find the vibrations whose amplification factor is at least :data:`LEAST_AMPLIFICATION`.
-
-    Parameters are those of :func:`rotor_modes`.
-
-    Returns
-    -------
-    tuple of Mode
-        By rising logarithmic decrement.
+def lightly_damped(modes: Iterable[Mode]) -> tuple[Mode, ...]:
+    """Return the vibrations whose amplification factor is at least :data:`LEAST_AMPLIFICATION`, by
+    rising logarithmic decrement.
     """
-    light = [m for m in rotor_modes(system, state) if m.amplification >= LEAST_AMPLIFICATION]
-    return tuple(sorted(light, key=lambda m: m.log_decrement))
+    light = [mode for mode in modes if mode.amplification >= LEAST_AMPLIFICATION]
+    return tuple(sorted(light, key=lambda mode: mode.log_decrement))

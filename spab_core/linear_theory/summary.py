@@ -15,14 +15,10 @@ from spab_core.common.threads import one_thread
 from spab_core.design.form import grade_of_eccentricity
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
-from spab_core.linear_theory.coefficients import (
-    Coefficients,
-    coefficients,
-    least_stable_whirl,
-)
+from spab_core.linear_theory.coefficients import Coefficients, coefficients
 from spab_core.linear_theory.equilibrium import LIFTED, contact_load_share
 from spab_core.linear_theory.impedance import impedance
-from spab_core.linear_theory.modes import Mode, lightly_damped_modes
+from spab_core.linear_theory.modes import Mode, lightly_damped, rotor_modes
 from spab_core.solver.film import AUTO, Film, Mesh, film_array, film_fluxes, gas_content
 
 NO_EQUILIBRIUM = "no static equilibrium: the film does not carry this rotor at this speed"
@@ -272,7 +268,9 @@ def derive(design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh 
     z = impedance(design, rotor_mass, bearing_number, mesh)
     if z is None:
         return found
-    film, rest, root = z.system.film, z.equilibrium, least_stable_whirl(z)
+    film, rest = z.system.film, z.equilibrium
+    modes = rotor_modes(z.system, rest.state)
+    leading = modes[0] if modes else None
     x, y = (float(v) for v in rest.state[-8:-6])
     return dataclasses.replace(
         found,
@@ -283,8 +281,6 @@ def derive(design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh 
         contact_load_share=contact_load_share(design, rotor_mass, rest.eccentricity),
         gas_flow=gas_flow(design, bearing_number, film, film_array(film, rest.state), x, y),
         coefficients=coefficients(z, [0.0, 1.0]),
-        whirl=None
-        if root is None
-        else Whirl(root.imag, root.imag * rpm, 2.0 * math.pi * root.real),
-        modes=lightly_damped_modes(z.system, rest.state),
+        whirl=Whirl(leading.ratio, leading.ratio * rpm, leading.growth) if leading else None,
+        modes=lightly_damped(modes),
     )

@@ -13,29 +13,44 @@ import dataclasses
 import itertools
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent import futures
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from spab_core.common.units import from_rpm
 from spab_core.common.validation import check_number
+from spab_core.design.form import nearest_bearing_number
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, check_point
 from spab_core.design.model import Design
 from spab_core.linear_theory.summary import Derived
 from spab_core.maps.parallel import executor
 from spab_core.trajectory.assessment import (
-    CONTACT,
+    CHAOTIC,
     DEFAULT_LIMITS,
+    FAILED,
     GRADE_WORDS,
-    LIGHT,
-    NEAR,
-    RESONANT,
+    GRADES,
+    LARGE_ECCENTRICITY,
+    LARGE_ORBIT,
+    LEAST_FILM,
+    LIGHTLY_DAMPED,
+    NEAR_FILM,
+    NOT_LIFTED,
+    QUASI_PERIODIC,
+    RAISED_ECCENTRICITY,
+    RESONANCE,
+    RUBBING,
+    SUBHARMONIC,
+    UNDECIDED,
+    UNSTABLE,
+    WATCH,
     Assessment,
     Limits,
     Motion,
+    Rule,
+    motion_rules,
     motion_words,
-    separation_margin,
+    rest_rules,
 )
 from spab_core.trajectory.point import OperatingPoint, solve_point
 from spab_core.trajectory.settings import Settings
@@ -49,35 +64,34 @@ PRECISION, PRECISION_RANGE = 0.005, (1e-5, 0.1)  # width of a bracket over its v
 ROUGH = 10.0  # times the precision: of a bracket between two points that rub or fail
 APART = 0.05  # by how much the largest eccentricities of two motions differ at least, over C
 _STILL = 1e-9  # relative: a point at the end of what is allowed
-FAILED, UNDECIDED = "failed run", "undecided"
-_REGIMES = frozenset({"chaotic", "quasi-periodic", "subharmonic"})
+_REGIMES = frozenset({CHAOTIC, QUASI_PERIODIC, SUBHARMONIC})
 _OF_MOTION = _REGIMES | {
     UNDECIDED,
-    "contact",
-    "least film",
-    "large eccentricity",
-    "large orbit",
-    "film near its limit",
-    "raised eccentricity",
+    RUBBING,
+    LEAST_FILM,
+    LARGE_ECCENTRICITY,
+    LARGE_ORBIT,
+    NEAR_FILM,
+    RAISED_ECCENTRICITY,
 }
-_OF_REST = frozenset({"resonance", "not lifted off", "unstable at rest", "lightly damped at rest"})
-_ROUGH = _REGIMES | _OF_REST | {UNDECIDED, "large orbit"}
+_OF_REST = frozenset({RESONANCE, NOT_LIFTED, UNSTABLE, LIGHTLY_DAMPED})
+_ROUGH = _REGIMES | _OF_REST | {UNDECIDED, LARGE_ORBIT}
 KINDS = {  # of trouble: what it is called in a sentence
     FAILED: "a failed run (touchdown)",
-    "contact": "rubbing",
-    "chaotic": "chaos",
-    "quasi-periodic": "a quasi-periodic whirl",
-    "subharmonic": "a whirl locked to the rotation",
-    "least film": "a film under its limit",
-    "large eccentricity": "an eccentricity over its limit",
-    "not lifted off": "a rotor that lies on the wall at rest",
-    "resonance": "resonance",
+    RUBBING: "rubbing",
+    CHAOTIC: "chaos",
+    QUASI_PERIODIC: "a quasi-periodic whirl",
+    SUBHARMONIC: "a whirl locked to the rotation",
+    LEAST_FILM: "a film under its limit",
+    LARGE_ECCENTRICITY: "an eccentricity over its limit",
+    NOT_LIFTED: "a rotor that lies on the wall at rest",
+    RESONANCE: "resonance",
     UNDECIDED: "an undecided motion",
-    "large orbit": "a large orbit",
-    "film near its limit": "a film near its limit",
-    "raised eccentricity": "a raised eccentricity",
-    "unstable at rest": "instability at rest",
-    "lightly damped at rest": "light damping at rest",
+    LARGE_ORBIT: "a large orbit",
+    NEAR_FILM: "a film near its limit",
+    RAISED_ECCENTRICITY: "a raised eccentricity",
+    UNSTABLE: "instability at rest",
+    LIGHTLY_DAMPED: "light damping at rest",
 }
 Progress = Callable[[int], None]
 
@@ -306,46 +320,28 @@ def troubles_of_motion(
     dict
         Grade, "watch" or "avoid", by kind of :data:`KINDS`.
     """
-    if motion.status != "ok":
-        return {FAILED: "avoid"}
-    eccentricity, contact = float(motion.max_eccentricity), float(motion.contact_share)
-    orbit = eccentricity if math.isnan(motion.orbit_amplitude) else float(motion.orbit_amplitude)
-    film, least = design.bearing.clearance * (1.0 - eccentricity), limits.film(design)
-    whirl = "avoid" if orbit > limits.orbit else "watch"
-    found = {
-        "contact": (contact > CONTACT, "avoid"),
-        "chaotic": (motion.regime == "chaotic", "avoid"),
-        "quasi-periodic": (motion.regime == "quasi-periodic", whirl),
-        "subharmonic": (motion.regime == "periodic" and motion.period != 1, whirl),
-        "least film": (film < least, "avoid"),
-        "large eccentricity": (eccentricity > limits.eccentricity, "avoid"),
-        UNDECIDED: (motion.regime == UNDECIDED, "watch"),
-        "large orbit": (
-            motion.regime == "periodic" and motion.period == 1 and whirl == "avoid",
-            "watch",
-        ),
-        "film near its limit": (film < NEAR * least, "watch"),
-        "raised eccentricity": (eccentricity > limits.calm_eccentricity, "watch"),
-    }
-    return {name: grade for name, (holds, grade) in found.items() if holds}
+    found = _by_kind(motion_rules(design, motion, limits))
+    # what is under a limit is near it as well: along a line that trouble does not end there
+    for grave, mild in ((LEAST_FILM, NEAR_FILM), (LARGE_ECCENTRICITY, RAISED_ECCENTRICITY)):
+        if grave in found:
+            found.setdefault(mild, GRADES[WATCH])
+    return found
 
 
 def troubles_at_rest(rest: Derived, limits: Limits = DEFAULT_LIMITS) -> dict[str, str]:
     """Name what the assessment finds wrong with a static equilibrium; as
     :func:`troubles_of_motion`.
     """
-    found = {"not lifted off": "avoid"} if rest.lies_on_wall else {}
-    forward = [mode for mode in rest.modes if mode.forward and mode.log_decrement > 0.0]
-    for mode in forward:
-        away, wanted = abs(mode.ratio - 1.0), limits.separation * separation_margin(mode)
-        close = mode.amplification > RESONANT and away < wanted / 3.0
-        if away < wanted and found.get("resonance") != "avoid":
-            found["resonance"] = "avoid" if close else "watch"
-    if rest.whirl and not rest.whirl.stable:
-        found["unstable at rest"] = "watch"
-    if any(mode.ratio < 1.0 and mode.log_decrement < LIGHT for mode in forward):
-        found["lightly damped at rest"] = "watch"
-    return found
+    return _by_kind(rest_rules(rest, limits))
+
+
+def _by_kind(rules: Iterable[Rule]) -> dict[str, str]:
+    """Return the worst grade of each kind of :data:`KINDS` among the rules that hold."""
+    worst: dict[str, int] = {}
+    for rule in rules:
+        if rule.holds and rule.kind in KINDS:
+            worst[rule.kind] = max(worst.get(rule.kind, rule.grade), rule.grade)
+    return {kind: GRADES[grade] for kind, grade in worst.items()}
 
 
 def _not_judged(rest: Derived | None) -> bool:
@@ -421,7 +417,7 @@ class Side:
         """Return times the precision: where all of them rub or fail it is of little use which
         motion does so or how the rotor would rest, and runs take 50 times as long.
         """
-        rub = all(self.found[value].kinds.keys() & {"contact", FAILED} for value in values)
+        rub = all(self.found[value].kinds.keys() & {RUBBING, FAILED} for value in values)
         return ROUGH if rub and kind in _ROUGH else 1.0
 
     def limits(self) -> list[Limit]:
@@ -507,8 +503,7 @@ def solve_margin(
     def place(axis: str, value: float) -> tuple[float, float]:
         if axis == "mass":
             return value, bearing_number
-        number = design.bearing_number(from_rpm(value))
-        return rotor_mass, min(max(number, BEARING_NUMBER_RANGE[0]), BEARING_NUMBER_RANGE[1])
+        return rotor_mass, nearest_bearing_number(design, value)
 
     with executor(workers, settings) as pool:
 

@@ -19,6 +19,7 @@ from spab_core.solver.film import Film, film_size
 from spab_core.solver.ring import width
 from spab_core.solver.rotor import CENTRE
 from spab_core.solver.simd import (
+    EIGHT,
     WIDTH,
     aligned_zeros,
     at,
@@ -42,8 +43,6 @@ _S, _P, _Q, _ACROSS, _AROUND, _REACH, _GAP, _GAP_FACE, _FLUX, _FACE = (
 )
 _SQUARE, _CUBE = _K, 2 * _K  # beyond H
 _TANGENT = 14 * _K
-# any eight numbers of a state
-_EIGHT = (0,)
 
 # columns of the contact's series: e², e, f, A = f/e, m = x·v, B = damping f m / e², x and y of the
 # force, 1/e, A/e
@@ -288,9 +287,9 @@ def _sum_series(z, first, rotor, h, out):
     """Sum the series of gas and rotor a step ``h`` later into the state ``out``."""
     n = out.size - 8
     for i in range(0, n, WIDTH):
-        value = load(z[first + DTM_ORDER], i, _EIGHT)
+        value = load(z[first + DTM_ORDER], i, EIGHT)
         for k in range(DTM_ORDER - 1, -1, -1):
-            value = value * h + load(z[first + k], i, _EIGHT)
+            value = value * h + load(z[first + k], i, EIGHT)
         store(out, i, value)
     for i in range(8):
         sum_ = 0.0

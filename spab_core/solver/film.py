@@ -314,26 +314,24 @@ def film_array(film: Film, state: np.ndarray) -> np.ndarray:
     return state[: film_size(film)].reshape(film.latitudes, film.columns)
 
 
-def on_azimuths(values: np.ndarray, latitudes: int, count: int) -> np.ndarray:
+def on_azimuths(field: np.ndarray, count: int) -> np.ndarray:
     """Take a field over the film to more azimuths, by its trigonometric polynomial.
 
     Parameters
     ----------
-    values : ndarray, (M * N,)
-    latitudes : int
-        M.
+    field : ndarray, (..., N)
+        Values at the film's azimuths, N even.
     count : int
         Azimuths wanted, more than N.
 
     Returns
     -------
-    ndarray, (M * count,)
+    ndarray, (..., count)
     """
-    field = values.reshape(latitudes, -1)
-    n = field.shape[1]
-    waves = np.fft.rfft(field, axis=1)
-    waves[:, n // 2] *= 0.5  # the azimuths see the cosine of the highest harmonic alone
-    return (np.fft.irfft(waves, count, axis=1) * (count / n)).ravel()
+    n = field.shape[-1]
+    waves = np.fft.rfft(field)
+    waves[..., n // 2] *= 0.5  # the azimuths see the cosine of the highest harmonic alone
+    return np.fft.irfft(waves, count) * (count / n)
 
 
 def thickness(film: Film, x: float, y: float) -> np.ndarray:

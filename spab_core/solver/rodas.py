@@ -13,7 +13,17 @@ import numpy as np
 
 from spab_core.solver.curvature import add_curvature, prepare_curvature
 from spab_core.solver.linear_solve import linearise, solve
-from spab_core.solver.simd import WIDTH, aligned_zeros, inlined, inner, load, splat, store, total
+from spab_core.solver.simd import (
+    EIGHT,
+    WIDTH,
+    aligned_zeros,
+    inlined,
+    inner,
+    load,
+    splat,
+    store,
+    total,
+)
 from spab_core.solver.slope import error_norm, slope, slope_tangent, time_slope
 
 DEFAULT_TOLERANCE = 1.5e-3
@@ -83,10 +93,6 @@ def build_stages(size: int) -> Stages:
     """Allocate the scratch memory of a step for a state of length ``size``, a multiple of eight."""
     rows = aligned_zeros(17 * size).reshape(17, size)
     return Stages(rows[:6], rows[6:12], *rows[12:])
-
-
-# any eight numbers of a state
-EIGHT = (0,)
 
 
 @inner

@@ -17,6 +17,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
 WIDTH = 8
+EIGHT = (0,)  # the ring of any eight numbers
 
 # Kernels pass tuples of some fifty arrays to each other: counting references of each, atomically,
 # would cost as much as the arithmetic. They allocate nothing, so numba's runtime stays out; numpy's
@@ -404,6 +405,7 @@ def aligned_zeros(n: int) -> np.ndarray:
 
 
 __all__ = [
+    "EIGHT",
     "WIDTH",
     "Ring",
     "aligned_zeros",

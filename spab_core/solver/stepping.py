@@ -24,9 +24,19 @@ from numba.extending import overload
 
 from spab_core.solver.dtm import DTM_ORDER, build_series, dtm_step
 from spab_core.solver.film import Film, film_size
-from spab_core.solver.rodas import DEFAULT_TOLERANCE, EIGHT, Stages, build_stages, rodas_step
+from spab_core.solver.rodas import DEFAULT_TOLERANCE, Stages, build_stages, rodas_step
 from spab_core.solver.rotor import CENTRE, ROTOR_STATES
-from spab_core.solver.simd import WIDTH, aligned_zeros, inlined, kernel, load, splat, store, total
+from spab_core.solver.simd import (
+    EIGHT,
+    WIDTH,
+    aligned_zeros,
+    inlined,
+    kernel,
+    load,
+    splat,
+    store,
+    total,
+)
 from spab_core.solver.slope import Work, build_work
 
 METHODS = ("rodas", "dtm")

@@ -22,6 +22,15 @@ from spab_core.solver.stepping import STATUS_TEXT
 GRADES = ("good", "watch", "avoid")  # by rising gravity
 GOOD, WATCH, AVOID = range(len(GRADES))
 GRADE_WORDS = {"good": "good", "watch": "to be watched", "avoid": "not recommended"}
+# kinds of trouble: of the motion, then at rest, then what is not known
+FAILED, RUBBING, CHAOTIC, UNDECIDED = "failed run", "contact", "chaotic", "undecided"
+QUASI_PERIODIC, SUBHARMONIC = "quasi-periodic", "subharmonic"
+LEAST_FILM, NEAR_FILM = "least film", "film near its limit"
+LARGE_ECCENTRICITY, RAISED_ECCENTRICITY = "large eccentricity", "raised eccentricity"
+LARGE_ORBIT = "large orbit"
+NOT_LIFTED, RESONANCE = "not lifted off", "resonance"
+UNSTABLE, LIGHTLY_DAMPED = "unstable at rest", "lightly damped at rest"
+UNKNOWN = "not known"
 CONTACT = 0.001  # largest share of the time in contact
 NEAR = 1.5  # a film is watched up to this many times its limit
 FEWEST_MICRONS, ASPERITIES = 3e-6, 5.0  # of the usual limit of the film: m, roughness lengths
@@ -106,8 +115,11 @@ class Assessment:
 
 
 class Rule(NamedTuple):
-    """A rule that may hold: how grave it is, where it holds, what to say there."""
+    """A rule that may hold: what kind of trouble it finds, how grave that is, where it holds, what
+    to say there.
+    """
 
+    kind: str
     grade: int
     holds: np.ndarray | bool
     words: Callable[[], str]
@@ -161,7 +173,7 @@ def motion_rules(design: Design, motion: Motion, limits: Limits = DEFAULT_LIMITS
     ok = np.asarray(m.status) == "ok"
     subharmonic = ok & (regime == "periodic") & (period != 1)
     torus = ok & (regime == "quasi-periodic")
-    whirl, large = subharmonic | torus, orbit > limits.orbit
+    whirls, large = {QUASI_PERIODIC: torus, SUBHARMONIC: subharmonic}, orbit > limits.orbit
     clearance, least = design.bearing.clearance, limits.film(design)
     film = clearance * (1.0 - eccentricity)
 
@@ -173,36 +185,46 @@ def motion_rules(design: Design, motion: Motion, limits: Limits = DEFAULT_LIMITS
         known = "" if not np.isnan(m.orbit_amplitude) else "at most "
         return f"{known}{100 * orbit:.0f} % of the clearance, limit {100 * limits.orbit:.0f} %"
 
+    def whirl_words() -> str:
+        return f"{told()}: {orbit_words()}"
+
     def eccentricity_words(limit: float) -> str:
         often = f", over 0.9 in {100 * thin:.1f} % of the time" if thin > 0.0005 else ""
         return f"largest eccentricity {eccentricity:.3f}, limit {limit:.2f}{often}"
 
-    yield Rule(AVOID, ~ok, told)
+    yield Rule(FAILED, AVOID, ~ok, told)
     yield Rule(
+        RUBBING,
         AVOID,
         ok & (contact > CONTACT),
         lambda: f"contact in {100 * contact:.3g} % of the time, limit {100 * CONTACT:g} %",
     )
-    yield Rule(AVOID, ok & (regime == "chaotic"), told)
-    yield Rule(AVOID, whirl & large, lambda: told() + f": {orbit_words()}")
+    yield Rule(CHAOTIC, AVOID, ok & (regime == "chaotic"), told)
+    for kind, where in whirls.items():
+        yield Rule(kind, AVOID, where & large, whirl_words)
     yield Rule(
+        LEAST_FILM,
         AVOID,
         ok & (film < least),
         lambda: f"least film {1e6 * film:.1f} µm, limit {1e6 * least:.1f} µm",
     )
     yield Rule(
+        LARGE_ECCENTRICITY,
         AVOID,
         ok & (eccentricity > limits.eccentricity),
         lambda: eccentricity_words(limits.eccentricity),
     )
-    yield Rule(WATCH, ok & (regime == "undecided"), told)
-    yield Rule(WATCH, whirl & ~large, lambda: told() + f": {orbit_words()}")
+    yield Rule(UNDECIDED, WATCH, ok & (regime == "undecided"), told)
+    for kind, where in whirls.items():
+        yield Rule(kind, WATCH, where & ~large, whirl_words)
     yield Rule(
+        LARGE_ORBIT,
         WATCH,
         ok & (regime == "periodic") & (period == 1) & large,
         lambda: f"large orbit: {orbit_words()}",
     )
     yield Rule(
+        NEAR_FILM,
         WATCH,
         ok & (film >= least) & (film < NEAR * least),
         lambda: (
@@ -210,11 +232,13 @@ def motion_rules(design: Design, motion: Motion, limits: Limits = DEFAULT_LIMITS
         ),
     )
     yield Rule(
+        RAISED_ECCENTRICITY,
         WATCH,
         ok & (eccentricity > limits.calm_eccentricity) & (eccentricity <= limits.eccentricity),
         lambda: eccentricity_words(limits.calm_eccentricity),
     )
     yield Rule(
+        UNKNOWN,
         WATCH,
         ok & (np.isnan(contact) | np.isnan(eccentricity)),
         lambda: "contact and eccentricity are not known",
@@ -226,17 +250,19 @@ def rest_rules(rest: Derived | None, limits: Limits = DEFAULT_LIMITS) -> Iterato
     None where nothing is known of it.
     """
     if rest is None:
-        yield Rule(WATCH, True, lambda: "resonance is not judged: no result of linear theory")
+        words = "resonance is not judged: no result of linear theory"
+        yield Rule(UNKNOWN, WATCH, True, lambda: words)
         return
     if rest.status != "ok":
-        yield Rule(WATCH, True, lambda: f"resonance is not judged: {rest.status}")
+        yield Rule(UNKNOWN, WATCH, True, lambda: f"resonance is not judged: {rest.status}")
         return
-    yield Rule(AVOID, rest.lies_on_wall, rest.lift_words)
+    yield Rule(NOT_LIFTED, AVOID, rest.lies_on_wall, rest.lift_words)
     forward = [m for m in rest.modes if m.forward and m.log_decrement > 0.0]
     for mode in forward:
         away, margin = abs(mode.ratio - 1.0), limits.separation * separation_margin(mode)
         close = mode.amplification > RESONANT and away < margin / 3.0
         yield Rule(
+            RESONANCE,
             AVOID if close else WATCH,
             away < margin,
             partial(_resonance_words, mode, margin, rest.speed_rpm),
@@ -244,6 +270,7 @@ def rest_rules(rest: Derived | None, limits: Limits = DEFAULT_LIMITS) -> Iterato
     whirl = rest.whirl
     if whirl and not whirl.stable:
         yield Rule(
+            UNSTABLE,
             WATCH,
             True,
             lambda: (
@@ -255,6 +282,7 @@ def rest_rules(rest: Derived | None, limits: Limits = DEFAULT_LIMITS) -> Iterato
     slow = [m.log_decrement for m in forward if m.ratio < 1.0]
     if slow and min(slow) < LIGHT:
         yield Rule(
+            LIGHTLY_DAMPED,
             WATCH,
             True,
             lambda: (
@@ -308,9 +336,9 @@ def assess(
     Assessment
     """
     if motion is None:
-        rules = [Rule(WATCH, True, lambda: "the motion with unbalance is not solved")]
+        rules = [Rule(UNKNOWN, WATCH, True, lambda: "the motion with unbalance is not solved")]
         if rest is not None and rest.status != "ok":
-            rules.insert(0, Rule(AVOID, True, lambda: rest.status))
+            rules.insert(0, Rule(FAILED, AVOID, True, lambda: rest.status))
     else:
         rules = list(motion_rules(design, motion, limits))
     rules += rest_rules(rest, limits)

@@ -35,7 +35,8 @@ SWIFT = 10.0  # over the shaft speed: frequency from which on steps need not fol
 _FEWEST, _MOST = 3, 16  # products with the monodromy matrix
 # share of a multiplier by which it may be off when the process ends
 _RESIDUAL = 1e-3
-DOUBT = 0.1
+# of what the process has left out, beside the direction found, in the start of a second look
+_DOUBT = 0.1
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class Settled:
         Natural log of the leading multiplier's magnitude, per revolution: the maximum Lyapunov
         exponent.
     error : float
-        Of ``rate``: residual of Arnoldi's process, and change by steps half as long.
+        Of ``rate``: residual of Arnoldi's process, and a quarter of the change by shorter steps.
     history : tuple of float
         Estimates of ``rate`` after one, two, ... products with the monodromy matrix.
     """
@@ -78,8 +79,8 @@ class Multiplier:
     basis, hessenberg : ndarray, (m, n), (m, m)
         Orthonormal vectors, and the matrix between them.
     fresh : ndarray, (n,)
-        A start for a second look: all that the process has seen in equal parts, what it left out
-        beside them, so that a mode that the first start hardly held comes to the fore.
+        A start for a second look: ``direction``, and a tenth of what the process has left out, so
+        that a mode that the first start hardly held comes to the fore.
     """
 
     value: complex
@@ -211,7 +212,7 @@ def leading_multiplier(product: Product, start: np.ndarray) -> Multiplier | None
         if rest == 0.0 or (settled and error <= _RESIDUAL):
             direction = np.einsum("i,ij->j", vector.real, basis)
             h = hessenberg[: k + 1, : k + 1]
-            fresh = direction / _norm(direction) + DOUBT * image / max(rest, 1e-300)
+            fresh = direction / _norm(direction) + _DOUBT * image / max(rest, 1e-300)
             return Multiplier(value, direction, error, tuple(history), basis, h, fresh)
         basis = np.concatenate([basis, (image / rest)[None]])
     return None

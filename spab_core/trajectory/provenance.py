@@ -10,7 +10,20 @@ import numpy as np
 
 from spab_core.design.model import Design
 from spab_core.solver.cache import solver_hash
+from spab_core.solver.film import AUTO, MORE_AZIMUTHS, parse_mesh, suitable_mesh
 from spab_core.trajectory.settings import Settings
+
+
+def film_nodes(metadata: dict[str, Any]) -> str:
+    """Say on what mesh a map or line was solved: the one that was asked for, or those that its
+    design takes.
+    """
+    mesh = parse_mesh(metadata["mesh"])
+    if mesh != AUTO:
+        return f"{mesh} film nodes"
+    design = Design.from_dict(metadata["design"])
+    more = suitable_mesh(design, MORE_AZIMUTHS)
+    return f"{suitable_mesh(design)} film nodes ({more} where the film is thin)"
 
 
 def map_metadata(design: Design, settings: Settings, shape: tuple[int, ...]) -> dict[str, Any]:

@@ -12,13 +12,6 @@ from spab_core.trajectory.periodic_orbit import MAX_PERIOD, Settled, repeat_dist
 
 REGIMES = ("periodic", "quasi-periodic", "chaotic", "undecided")
 NO_EXPONENT = "no exponent"  # what is told in place of a regime where a run failed; "" in arrays
-_WORDS = {
-    "quasi-periodic": "the orbit does not repeat; a whirl of its own frequency rides on the "
-    "rotation",
-    "chaotic": "the orbit never repeats and its loads are not predictable",
-    "undecided": "the orbit does not repeat, and its exponent is neither clearly zero nor clearly "
-    "positive; measure more revolutions",
-}
 SECTION_TOLERANCE = 1e-3  # over C
 _WINDOW = 60  # last section points looked at
 _CHAOS = 0.01  # largest exponent of a torus, smallest called chaotic, per revolution
@@ -37,13 +30,6 @@ class Regime:
     def text(self) -> str:
         """Such as "periodic-2"."""
         return f"{self.name}-{self.period}" if self.period else self.name
-
-    @property
-    def sentence(self) -> str:
-        """What the rotor does, for a designer; without a full stop."""
-        every = "revolution" if self.period == 1 else f"{self.period} revolutions"
-        words = _WORDS.get(self.name, f"the orbit repeats every {every}")
-        return f"{self.name.capitalize()}: {words}"
 
 
 def section_period(section: np.ndarray, tolerance: float = SECTION_TOLERANCE) -> int:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.polynomial import legendre
-from scipy.signal import resample
 
 from spab_core.common.errors import DesignError
 from spab_core.design.model import Design
@@ -21,6 +20,7 @@ from spab_core.solver.film import (
     film_force,
     film_size,
     latitude_operators,
+    on_azimuths,
     thickness,
 )
 from spab_core.solver.rotor import ROTOR_STATES, build_rotor, contact_force
@@ -237,7 +237,7 @@ def surface(
         Take each so many-th sample of the revolution; its end is left out, it is the next one's
         beginning.
     azimuths, latitudes : int
-        Points around, and from edge to edge (odd: one on the equator).
+        Points around, more than the film has, and from edge to edge (odd: one on the equator).
     """
     r, m = revolution, revolution.film.latitudes
     edge = math.radians(r.design.bearing.edge_latitude)
@@ -249,7 +249,8 @@ def surface(
 
     across = bubbles(s) @ np.linalg.inv(bubbles(latitude_operators(m)[0]))  # of P² - 1
     picked = slice(0, max(len(r.tau) - 1, 1), every)
-    around = resample((r.pressure[picked]) ** 2 - 1.0, azimuths, axis=1) @ across.T
+    column = np.moveaxis(r.pressure[picked] ** 2 - 1.0, 1, -1)
+    around = np.moveaxis(on_azimuths(column, azimuths), -1, 1) @ across.T
     closed = np.concatenate([around, around[:, :1]], axis=1)
     azimuth = np.linspace(0.0, 2.0 * math.pi, azimuths + 1)
     x, y = r.states[picked, 0][:, None, None], r.states[picked, 1][:, None, None]

@@ -17,7 +17,7 @@ from spab_core.common.errors import DesignError, InputError
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
 from spab_core.linear_theory.whirl import spectrum_of
-from spab_core.solver.film import AUTO, MORE_AZIMUTHS, Mesh, film_size, on_azimuths
+from spab_core.solver.film import AUTO, MORE_AZIMUTHS, Mesh, film_array, film_size, on_azimuths
 from spab_core.solver.rotor import RAMP_REVOLUTIONS, ROTOR_STATES, RotorCoefficients
 from spab_core.solver.slope import slope_and_jacobian
 from spab_core.solver.stepping import (
@@ -374,8 +374,8 @@ class Run:
         system = build_system(self.design, *self.point, mesh)
         memory, n = build_memory(system.film, self.settings.method), film_size(before)
         for vector, wanted in ((old.state, memory.state), (old.tangent, memory.tangent)):
-            gas = on_azimuths(vector[:n], before.latitudes, MORE_AZIMUTHS)
-            wanted[:] = np.concatenate([gas, vector[n:]])
+            gas = on_azimuths(film_array(before, vector), MORE_AZIMUTHS)
+            wanted[:] = np.concatenate([gas.ravel(), vector[n:]])
         if memory.state[: film_size(system.film)].min() > 0.0:
             memory.control[:] = old.control
             self.generic = build_memory(system.film).tangent

@@ -3,7 +3,8 @@ run, on equal steps.
 
 Products with the monodromy matrix feed Arnoldi's process
 (:func:`spab_core.trajectory.periodic_orbit.leading_multiplier`); Newton's method takes the state to
-the orbit itself, so that the matrix is the orbit's own. Steps are halved until the rate is at rest.
+the orbit itself, so that the matrix is the orbit's own. Steps are shortened until the rate is at
+rest.
 """
 
 from __future__ import annotations
@@ -41,8 +42,8 @@ FEWEST_STEPS, FINEST_STEPS = 16, 1536
 STEPS_PER_RATE, MOST_PER_RATE = 96, 384
 # largest error of a rate, and relative one, that ask for no shorter steps
 RATE_ERROR, RATE_SHARE = 0.001, 0.002
-# share of a rate's change by half the steps that is told as its error: steps of fourth order leave
-# a fifteenth
+# share of a rate's change by steps two thirds as long that is told as its error: what steps of
+# fourth order leave, 1/(1.5^4 - 1)
 CHANGE_SHARE = 0.25
 
 

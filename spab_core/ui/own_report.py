@@ -14,6 +14,7 @@ from spab_core.plotting.point import orbit_figure, section_figure
 from spab_core.reporting.export import browser_path
 from spab_core.reporting.report import Section, design_section, report_html, report_pdf
 from spab_core.trajectory.point import OperatingPoint
+from spab_core.trajectory.provenance import film_nodes
 from spab_core.ui.downloads import file_button
 from spab_core.ui.margin import kept_margin
 from spab_core.ui.own_map import own_figure
@@ -114,7 +115,7 @@ def _map_section(found: tuple[Refinement, StabilityMap], point: OperatingPoint) 
     refined = found[0]
     words = (
         f"{int(refined.solved.sum()):,} of {refined.batch.size:,} cells solved (dots), the others "
-        f"predicted by trees on linear theory; {refined.metadata['mesh']} film nodes, "
+        f"predicted by trees on linear theory; {film_nodes(refined.metadata)}, "
         f"{refined.metadata['transient']} + {refined.metadata['revolutions']} revolutions a cell."
     )
     figures = {

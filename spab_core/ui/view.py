@@ -20,7 +20,7 @@ from spab_core.active_learning.quick_map import SECONDS
 from spab_core.common.errors import InputError
 from spab_core.common.units import from_rpm
 from spab_core.common.validation import check_choice, check_number
-from spab_core.design.form import FIELDS, to_form
+from spab_core.design.form import FIELDS, nearest_bearing_number, to_form
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.design.model import Design, reference_design
 from spab_core.design.presets import PRESETS
@@ -276,7 +276,7 @@ def set_speed(design: Design, rotor_mass: float, speed_rpm: float) -> None:
     as the next page tells.
     """
     number, (low, high) = design.bearing_number(from_rpm(speed_rpm)), BEARING_NUMBER_RANGE
-    nearest = min(max(number, low), high)
+    nearest = nearest_bearing_number(design, speed_rpm)
     if not math.isclose(number, nearest, rel_tol=1e-5):
         st.session_state[_TOLD] = (
             f"At {speed_rpm:,.0f} rpm the bearing number of this design would be {number:.4g}; "
