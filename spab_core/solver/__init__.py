@@ -6,8 +6,8 @@ film                 The mesh and the discretised Reynolds equation, readable
 rotor                Disc, journal, shaft and contact, readable
 system               Both at one operating point, on one mesh
 cache                Where compiled kernels are kept, one folder for each state of the sources
-simd                 Eight doubles in a register
-row_ops              Rows of the film's state in registers
+simd                 Numbers in registers, eight by eight: the azimuths of a latitude
+ring                 Matrices over these azimuths: products and inverses
 slope                The right-hand side and its tangent, compiled
 curvature            The second derivative of the right-hand side along a direction
 linear_solve         The linear system of an implicit step, solved exactly by blocks

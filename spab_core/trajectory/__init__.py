@@ -3,6 +3,7 @@
 Module               What it answers
 -------------------  ----------------------------------------
 settings             Mesh, method, length
+compiling            Compile the kernels before they are wanted, in a process of its own
 run                  One trajectory from the cold start
 periodic_orbit       When a run has settled on a periodic orbit: its leading multiplier
 shooting             Periods beside the run: the orbit itself and its monodromy matrix
