@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import threading
 from collections.abc import Iterable
 from typing import Any
 
 # fields that follow from others, tell a spelling, or are new in later Pythons
 _SILENT = {"ctx", "kind", "type_comment", "type_params"}
+# Python 3.11 counts a tree's depth in one place for all threads: building two at once is an error
+_PARSING = threading.Lock()
 
 
 def _left_out(node: object) -> bool:
@@ -73,10 +76,10 @@ def source_hash(sources: Iterable[bytes]) -> str:
     SyntaxError
         For a source that is not Python.
     """
-    statements = sorted(
-        _canonical(node)
-        for source in sources
-        for node in ast.parse(source).body
-        if not _left_out(node)
-    )
+    statements = []
+    for source in sources:
+        with _PARSING:
+            body = ast.parse(source).body
+        statements += [_canonical(node) for node in body if not _left_out(node)]
+    statements.sort()
     return hashlib.sha256("\n".join(statements).encode("utf-8", "surrogatepass")).hexdigest()

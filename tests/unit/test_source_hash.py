@@ -2,9 +2,13 @@
 Python finds the same.
 """
 
+import gc
 import runpy
 import shutil
 import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -129,3 +133,35 @@ def test_the_module_needs_no_package():
         if name in ("numpy", "numba", "spab_core")
     } == set()
     assert len(solver_hash()) == 16
+
+
+def test_threads_hash_at_the_same_time():
+    """Python 3.11 raises SystemError where two threads at different depths build syntax trees at
+    once: they change over when the garbage collector, called back as Dask's workers have it, runs
+    in the middle of one.
+    """
+    sources = [path.read_bytes() for path in Path(module.__file__).parent.glob("*.py")]
+    found = set()
+
+    def hash_at(depth):
+        if depth:
+            hash_at(depth - 1)
+        else:
+            found.update(source_hash(sources) for _ in range(4))
+
+    def change_over(phase, info):
+        time.sleep(1e-6)
+
+    gc.callbacks.append(change_over)
+    usual, interval = gc.get_threshold(), sys.getswitchinterval()
+    gc.set_threshold(20)
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(6) as pool:
+            for done in [pool.submit(hash_at, 3 * number) for number in range(6)]:
+                done.result()
+    finally:
+        sys.setswitchinterval(interval)
+        gc.set_threshold(*usual)
+        gc.callbacks.remove(change_over)
+    assert len(found) == 1
