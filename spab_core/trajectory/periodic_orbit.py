@@ -98,7 +98,9 @@ class Multiplier:
         (Shroff and Keller, SIAM J. Numer. Anal. 30, 1993)."""
         h = self.hessenberg
         share = np.einsum("ij,j->i", h, np.einsum("ij,j->i", self.basis, gap))
-        return gap + np.einsum("i,ij->j", np.linalg.solve(np.eye(len(h)) - h, share), self.basis)
+        seen = np.linalg.solve(np.eye(len(h)) - h, share)
+        moved: np.ndarray = gap + np.einsum("i,ij->j", seen, self.basis)
+        return moved
 
 
 Product = Callable[[np.ndarray], "np.ndarray | None"]
@@ -116,7 +118,8 @@ def repeat_distances(section: np.ndarray, period: int) -> np.ndarray:
     The largest difference of the first four columns, the positions of journal and disc.
     """
     points = section[:, :4]
-    return np.abs(points[period:] - points[:-period]).max(axis=1)
+    farthest: np.ndarray = np.abs(points[period:] - points[:-period]).max(axis=1)
+    return farthest
 
 
 def mismatch(section: np.ndarray, period: int) -> float:

@@ -603,4 +603,6 @@ def path_angle(trajectory: Trajectory) -> np.ndarray:
     """Shaft angle tau of the flattened last path, shape (path revolutions * samples,)."""
     revolutions, samples, _ = trajectory.path.shape
     start = 2.0 * math.pi * (trajectory.completed - revolutions)
-    return start + np.arange(revolutions * samples) * (2.0 * math.pi / max(samples, 1))
+    steps = np.arange(revolutions * samples) * (2.0 * math.pi / max(samples, 1))
+    angles: np.ndarray = start + steps
+    return angles
