@@ -22,6 +22,7 @@ import shutil
 import signal
 import string
 import sys
+import threading
 import tempfile
 import time
 import warnings
@@ -105,17 +106,19 @@ class TooSlow(BaseException):
 
 
 class Watch:
-    """An audit hook: what a case does besides computing."""
+    """An audit hook: what a case does besides computing, in the thread that makes the watch: others
+    tidy up after earlier cases.
+    """
 
     def __init__(self, unpickling=True):
-        self.folder, self.found = None, None
+        self.folder, self.found, self.thread = None, None, threading.get_ident()
         self.refused = {"subprocess.Popen", "os.system", "os.exec", "os.fork", "socket.connect"}
         if unpickling:
             self.refused.add("pickle.find_class")
         sys.addaudithook(self)
 
     def __call__(self, event, arguments):
-        if self.folder is None:
+        if self.folder is None or threading.get_ident() != self.thread:
             return
         if event in self.refused:
             self.found = f"{event} {str(arguments)[:100]}"
