@@ -22,8 +22,8 @@ import shutil
 import signal
 import string
 import sys
-import threading
 import tempfile
+import threading
 import time
 import warnings
 import zipfile
