@@ -1,23 +1,31 @@
-"""Home page: the stability map; a click or typed numbers choose an operating point: its margin,
-solved live beside it.
+"""Start page: the values of my machine, its verdict and margin solved live, and where it stands in
+its map.
 """
 
 import plotly.graph_objects as go
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
-from spab_core.design.model import reference_design
 from spab_core.maps.stability_map import map_bytes
 from spab_core.plotting.map import HEIGHT, LAYERS, SURROGATE
 from spab_core.plotting.plain_picture import picture_of_orbits
 from spab_core.plotting.point import orbit_figure
 from spab_core.reporting.export import map_netcdf, map_table
 from spab_core.surrogates.models import MODELS
+from spab_core.trajectory.point import OperatingPoint
 from spab_core.trajectory.provenance import film_nodes
+from spab_core.ui import own_map
 from spab_core.ui.clicks import clickable, mark_place
+from spab_core.ui.design_form import design_files, machine_fields
 from spab_core.ui.downloads import downloads
 from spab_core.ui.margin import margin_panel
-from spab_core.ui.plain_picture import listen_to_picture, plotly_wanted, show_picture
+from spab_core.ui.navigation import page_link
+from spab_core.ui.plain_picture import (
+    listen_to_picture,
+    plotly_wanted,
+    show_picture,
+    want_plotly,
+)
 from spab_core.ui.point_bar import point_bar
 from spab_core.ui.shared import (
     HOME,
@@ -28,37 +36,63 @@ from spab_core.ui.shared import (
     map_picture,
     marked_map_figure,
     page_head,
-    page_link,
     reference_map,
 )
 from spab_core.ui.solving import LIVE, live_point
 from spab_core.ui.verdict import point_numbers, point_verdict
 from spab_core.ui.view import (
+    EXAMPLE,
+    OWN_LAYERS,
     choice,
     chosen_design,
     chosen_point,
     design_option,
     is_reference,
     point_options,
-    set_design,
+    set_example,
     set_point,
 )
 
-ORBIT_HEIGHT = 250  # pixels
+ORBIT_HEIGHT = 215  # pixels
+TALL = 420  # of the orbits where there is no map
 SHORT_NAMES = {"Largest eccentricity": "Eccentricity", SURROGATE: "Surrogate"}  # of layers
 
 page_head(HOME)
 # what comes last, the orbit, stands where it will stay: verdict with its reasons, three numbers
 st.html(
-    f"<style>.st-key-verdict{{min-height:12rem}} .st-key-point_row{{min-height:{ORBIT_HEIGHT}px}} "
+    f"<style>.st-key-verdict{{min-height:11rem}} .st-key-point_row{{min-height:{ORBIT_HEIGHT}px}} "
     "@media(max-width:640px){.st-key-point_numbers{min-height:13.25rem}}</style>"
 )
 
+state = st.session_state
+
+
+def ways_in() -> None:
+    """What stands here, and the ways to begin."""
+    with st.container(horizontal=True, vertical_alignment="center", key="ways"):
+        st.markdown("# Will my rotor run quietly, and how far is trouble?", width="content")
+        with st.popover("Enter my machine", icon=":material/tune:"):
+            st.markdown("Type its values into the fields of this page, or begin with others:")
+            design_files()
+        st.button(
+            "Explore the example bearing",
+            on_click=set_example,
+            disabled=is_reference() and not state["name"],
+            key="use_reference",
+        )
+        page_link("Reproduce_the_paper")
+
+
+ways_in()
+machine_fields(point_bar())
 with errors_in_words():
     m = reference_map()
-
-state, design = st.session_state, chosen_design()
-mass, number = chosen_point()
+design, (mass, number) = chosen_design(), chosen_point()
+own = None
+if not is_reference():
+    want_plotly()  # which only the picture of the example's map asks for by itself
+    with errors_in_words():
+        own = own_map.map_of(design, mass, number)
 
 
 def _clicked(bearing_number: float, rotor_mass: float) -> None:
@@ -66,10 +100,13 @@ def _clicked(bearing_number: float, rotor_mass: float) -> None:
 
 
 charted = "map_click" in state  # by this page's last run: the browser has both charts
-left, right = st.columns([1.15, 1], gap="medium")
+left, right = st.columns([1, 1.15], gap="medium")
+shown = (state["layer"], state["model"], state["divisor"], int(state["draw"]))
 
-with left:
-    st.markdown("#### Stability map of the reference bearing")
+
+def example_map() -> DeltaGenerator:
+    """The map of the example bearing as a plain picture; returns the place of its chart."""
+    st.markdown("## Stability map of the example bearing")
     layer = choice(
         "Layer",
         LAYERS,
@@ -77,17 +114,14 @@ with left:
         label_visibility="collapsed",
         format_func=lambda name: SHORT_NAMES.get(name, name),
     )
-    model, divisor, draw = state["model"], state["divisor"], int(state["draw"])
     with errors_in_words():
-        shown, place = (layer, model, divisor, draw), (number, mass)
-        if plotly_wanted():
-            place = mark_place("map", shown, place)
         picture = map_picture(*shown)
-    map_place = st.container(key="map_box", gap=None)
-    with map_place:
+    box = st.container(key="map_box", gap=None)
+    with box:
         show_picture(picture.marked(*place), "map_box", HEIGHT)
         if not plotly_wanted():
             listen_to_picture(picture, "map", _clicked)
+    _, model, divisor, _ = shown
     told = (
         f"Predicted by {MODELS[model].label} from n/{divisor} of the cells. "
         if layer == SURROGATE
@@ -100,46 +134,50 @@ with left:
         f"{film_nodes(m.metadata)}; the linear threshold is that of the static equilibrium "
         "without unbalance."
     )
-    st.caption(f"Where map and linear theory disagree. {linear_words()}")
+    with errors_in_words(), st.expander("The borders of regimes around the point, off this map"):
+        st.markdown(map_margin(mass, number))
+        st.caption(f"Where map and linear theory disagree. {linear_words()}")
+    return box
 
 
-def _margin() -> None:
-    """The borders of regimes around the point in the shipped map; with another design, the ways to
-    its own.
+def own_picture() -> DeltaGenerator:
+    """The map of the own design where there is one, else the ways to it; returns the place of its
+    chart, or of the orbits.
     """
-    if is_reference():
-        with errors_in_words():
-            st.markdown(map_margin(mass, number))
-        return
-    st.info(
-        "The map is of the reference bearing. The point and its margin are solved with your own "
-        "design."
-    )
-    with st.container(horizontal=True):
-        st.button(
-            "Use the reference bearing",
-            on_click=set_design,
-            args=(reference_design(),),
-            key="use_reference",
+    if own:
+        st.markdown("## Stability map of this design")
+        box = st.container(key="map_box", gap=None)
+        st.caption(
+            f"{own_map.job_words(own[0])}. Dots are solved cells, colours between predicted."
         )
-        page_link("My_bearing", "My bearing")
-        page_link("My_map", "My map: the map of your own design")
+        page_link("My_map", "Open this map")
+        return box
+    st.markdown("## The motion of this design")
+    box = st.container(key="map_box", gap=None)
+    st.info(
+        f"No map of this design yet. The map that comes with spab is of the {EXAMPLE}, and tells "
+        "nothing of this design."
+    )
+    page_link("My_map", "Map this design")
+    return box
 
 
 def _command() -> str:
     """The commands that give the same as this page."""
-    b0, b1, m0, m1 = (float(v) for v in (*m.bearing_number[[0, -1]], *m.rotor_mass[[0, -1]]))
     solved = (
         f"{point_options()}{design_option()} --transient {LIVE.transient} "
         f"--revolutions {LIVE.revolutions}\n"
     )
-    command = (
-        f"spab margin {solved}"
-        f"spab simulate {solved}"
+    command = f"spab margin {solved}spab simulate {solved}"
+    if not is_reference():
+        return command.rstrip()
+    b0, b1, m0, m1 = (float(v) for v in (*m.bearing_number[[0, -1]], *m.rotor_mass[[0, -1]]))
+    command += (
         f"spab map --bearing-number {b0:g}:{b1:g}:{m.shape[0]} --rotor-mass "
         f"{m0:g}:{m1:g}:{m.shape[1]} --out map.npz\n"
         "spab export map.npz --out map.nc"
     )
+    layer, model, divisor, draw = shown
     if layer == SURROGATE:
         command += (
             f"\nspab predict --model {model} --divisor {divisor} --seed {draw} --out predicted.npz"
@@ -147,42 +185,44 @@ def _command() -> str:
     return command
 
 
+def _downloads(orbit: go.Figure) -> None:
+    if not is_reference():
+        downloads("start", {"Orbit": orbit}, command=_command())
+        return
+    # not the page's own figure: its mark may stand where it was before a click (mark_place)
+    downloads(
+        "stability_map",
+        {"Map": lambda: marked_map_figure((number, mass), *shown), "Orbit": orbit},
+        {"Map": lambda: map_table(m)},
+        {"npz": lambda: map_bytes(m), "nc": lambda: map_netcdf(m)},
+        _command(),
+    )
+
+
 def _point() -> tuple[DeltaGenerator, go.Figure] | None:
     """Words and numbers of the operating point.
 
     Returns the place of the figure of its orbits, and the figure; None where it is not solved.
     """
-    st.markdown("#### Operating point")
-    point_bar("stretch")
-    verdict, row = st.container(key="verdict"), st.empty()
-    solved, words = st.container(), st.container()
-    numbers, place = row.container(key="point_row").columns(
-        [1, 1.7], gap="small", vertical_alignment="center"
-    )
-    with words:
-        _margin()
+    if is_reference():
+        st.markdown(
+            f":small[This is the **{EXAMPLE}**: type your machine's values, and all follows them.]"
+        )
+    verdict, numbers, words = st.container(key="verdict"), st.empty(), st.container()
     with verdict, errors_in_words():
         point = live_point(design, mass, number)
         if point is None:
-            row.empty()
             return None
         point_verdict(point)
-    with solved, errors_in_words():
+    beside = is_reference() or own is not None
+    height = ORBIT_HEIGHT if beside else TALL
+    orbit = orbit_figure(point).update_layout(height=height, margin_t=30, legend_y=-0.3)
+    place = _numbers(point, numbers, beside)
+    with words, errors_in_words():
         margin_panel(design, mass, number)
-    with numbers.container(key="point_numbers"):
-        for label, value, text in point_numbers(point)[:3]:
-            st.metric(label, value, help=text)
-    orbit = orbit_figure(point).update_layout(height=ORBIT_HEIGHT, margin_t=30, legend_y=-0.3)
     with st.container(horizontal=True, vertical_alignment="center"):
-        page_link("Operating_point", "Operating point: section, spectrum, film")
-        # not the page's own figure: its mark may stand where it was before a click (mark_place)
-        downloads(
-            "stability_map",
-            {"Map": lambda: marked_map_figure((number, mass), *shown), "Orbit": orbit},
-            {"Map": lambda: map_table(m)},
-            {"npz": lambda: map_bytes(m), "nc": lambda: map_netcdf(m)},
-            _command(),
-        )
+        page_link("Operating_point", "Motion in detail: section, spectrum, film")
+        _downloads(orbit)
     t = point.trajectory
     settled = ", settled on a periodic orbit" if t.settled else ""
     st.caption(
@@ -192,15 +232,40 @@ def _point() -> tuple[DeltaGenerator, go.Figure] | None:
     return place, orbit
 
 
+def _numbers(point: OperatingPoint, box: DeltaGenerator, beside: bool) -> DeltaGenerator:
+    """A point's numbers, beside the orbits or in a row; returns the place of the orbits."""
+    if not beside:
+        with box.container(horizontal=True, horizontal_alignment="distribute"):
+            for label, value, text in point_numbers(point):
+                st.metric(label, value, help=text, width="content")
+        return map_place
+    numbers, place = box.container(key="point_row").columns(
+        [1, 1.7], gap="small", vertical_alignment="center"
+    )
+    with numbers.container(key="point_numbers"):
+        for label, value, text in point_numbers(point)[:3]:
+            st.metric(label, value, help=text)
+    return place
+
+
+with right:
+    place = (number, mass)
+    if plotly_wanted() and (is_reference() or own):
+        key = shown if is_reference() else (own[0].id, own[1][0].solved.sum()) if own else ()
+        place = mark_place("map", key, place)
+    map_place = example_map() if is_reference() else own_picture()
+
 # words first: while Plotly draws the browser shows nothing new
 try:
-    with right:
+    with left:
         answer = _point()
 finally:  # also where the point cannot be solved
-    if plotly_wanted():
+    if plotly_wanted() and (is_reference() or own):
         with map_place:
             clickable(
-                marked_map_figure(place, *shown),
+                own_map.own_figure(own[1], OWN_LAYERS[0], *place)
+                if own
+                else marked_map_figure(place, *shown),
                 "map",
                 _clicked,
                 config={"displaylogo": False, "scrollZoom": True},
@@ -208,6 +273,8 @@ finally:  # also where the point cannot be solved
 if answer:
     orbit_place, orbits = answer
     with orbit_place.container(key="orbit_box", gap=None):
-        show_picture(None if charted else picture_of_orbits(orbits), "orbit_box", ORBIT_HEIGHT)
+        show_picture(
+            None if charted else picture_of_orbits(orbits), "orbit_box", orbits.layout.height
+        )
         if plotly_wanted():
             st.plotly_chart(orbits, key="orbit", width="stretch")

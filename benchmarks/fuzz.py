@@ -408,7 +408,7 @@ def read_address(data):
                 entry = view.VIEW[key]
                 entry.read(entry.write(entry.read(text)))
             elif key.replace(".", "__") in view.FIELDS:
-                changes[key] = view._float(key, text)
+                changes[key] = view._design_value(key, text)
     view._changed(changes)
 
 
@@ -600,13 +600,17 @@ def targets(folder):
     )
     with checkpoint.resume():
         checkpoint.save("0", np.arange(4), chunk)
-    base = MachineMargin("speed", True, 9000.0, 8000.0, float("nan"), 4500.0, 18000.0)
+    nan = float("nan")
+    base = MachineMargin("speed", "good", "", 9e3, 8e3, nan, "contact", "", 4500.0, 18000.0)
     rows = {
         "value": ["clearance"],
         "factor": [0.9],
-        "stable": [True],
+        "assessment": ["good"],
+        "why": [""],
         "below": [8e3],
+        "below_what": ["contact"],
         "above": [None],
+        "above_what": [""],
         "distance": [0.1],
         "change": [0.0],
     }
@@ -648,8 +652,8 @@ def targets(folder):
             from_file(
                 bifurcation.load_bifurcation,
                 lambda b: [
-                    bifurcation.chaotic_intervals(b.values, branch.regime)
-                    for branch in b.branches.values()
+                    (bifurcation.chaotic_intervals(b.values, branch.regime), b.judged(name))
+                    for name, branch in b.branches.items()
                 ],
             ),
         ),

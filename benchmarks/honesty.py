@@ -67,7 +67,13 @@ def draw(seed):
         try:
             design = Design(
                 *(
-                    part(**{f.name: _value(rng, f.metadata) for f in dataclasses.fields(part)})
+                    part(
+                        **{
+                            f.name: _value(rng, f.metadata)
+                            for f in dataclasses.fields(part)
+                            if not f.metadata["later"]  # lest every case be another
+                        }
+                    )
                     for part in (Bearing, Gas, Rotor, Contact)
                 )
             )

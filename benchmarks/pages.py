@@ -39,16 +39,17 @@ GOALS = {f"{which}: {what}": 2.0 for which in ("new browser", "first view") for 
 }
 SWITCH, NEW, VIEWS, TURNS = 1.0, 3, 4, 3
 CLICKS = [(7.0, 6.0), (18.0, 4.5), (2.0, 5.0)]  # kg, bearing number
-DRAWN = """layer => { const plot = document.querySelector('.js-plotly-plot');
+DRAWN = """layer => { const plot = document.querySelector('.st-key-map .js-plotly-plot');
     return plot && plot.calcdata && plot._fullData.some(t => t.type === 'heatmap')
         && plot._fullData.some(t => t.name === 'chaotic') === (layer === 'Regime'); }"""
-SHOWN = """[...document.querySelectorAll('.spab-picture img')]
+SHOWN = """[...document.querySelectorAll('.st-key-map_box .spab-picture img')]
     .some(image => image.complete && image.checkVisibility())"""
 SEEN = f"() => document.querySelector('.heatmaplayer image') || {SHOWN}"
 ANSWERS = f"() => document.querySelector('.st-key-map_box[data-answers]') && {SHOWN}"
-PICTURE = """([x, y]) => { const r = document.querySelector('.spab-plot').getBoundingClientRect();
+PICTURE = """([x, y]) => {
+    const r = document.querySelector('.st-key-map_box .spab-plot').getBoundingClientRect();
     return [r.left + x * r.width, r.top + y * r.height]; }"""
-AT_REST = """old => { const title = document.querySelector('[data-testid=stMain] h4');
+AT_REST = """old => { const title = document.querySelector('[data-testid=stMain] :is(h1, h4)');
     return title && title.innerText !== old
         && document.querySelector('[data-test-script-state=notRunning]'); }"""
 
@@ -64,7 +65,8 @@ async def click_cell(page, mass, number, together):
     """Click the map at a point; seconds until the answer to another point stands there."""
     position = await page.evaluate(
         """([x, y]) => {
-        const plot = document.querySelector('.js-plotly-plot'), layout = plot._fullLayout;
+        const plot = document.querySelector('.st-key-map .js-plotly-plot');
+        const layout = plot._fullLayout;
         const box = plot.querySelector('.nsewdrag').getBoundingClientRect();
         return [box.left + layout.xaxis.d2p(x), box.top + layout.yaxis.d2p(y)]; }""",
         [number, mass],
@@ -142,17 +144,19 @@ async def journey(browser, address, shift, together=None):
         await page.wait_for_function(DRAWN, arg=layer, timeout=60_000)
         took("another layer drawn", began)
         await page.wait_for_timeout(500)
-    links = page.locator("[data-testid=stSidebarNavLink]")
+    links = page.locator(
+        "[data-testid=stSidebarNavLink], [data-testid=stSidebar] [data-testid=stPageLink-NavLink]"
+    )
     names = [
         (await links.nth(k).get_attribute("href")).rstrip("/").rpartition("/")[2]
         for k in range(await links.count())
     ]
     for k in [*range(1, len(names)), 0]:
-        old = await page.locator("[data-testid=stMain] h4").first.inner_text()
+        old = await page.locator("[data-testid=stMain] :is(h1, h4)").first.inner_text()
         began = await now(together)
         await links.nth(k).click()
         await page.wait_for_function(AT_REST, arg=old, timeout=60_000)
-        took(f"to page: {names[k] if k else 'Stability map'}", began)
+        took(f"to page: {names[k] if k else 'Start'}", began)
         await page.wait_for_timeout(500)
     await context.close()
     return found

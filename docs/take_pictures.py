@@ -26,7 +26,7 @@ def free_port():
 
 
 @contextmanager
-def dashboard(theme="light", script="app.py"):
+def dashboard(script="app.py"):
     """The app, or another script, served on a free port of this machine; yields its address."""
     port = free_port()
     command = [
@@ -39,8 +39,6 @@ def dashboard(theme="light", script="app.py"):
         str(port),
         "--server.headless",
         "true",
-        "--theme.base",
-        theme,
     ]
     process = subprocess.Popen(
         command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
@@ -66,11 +64,12 @@ def find_chromium():
 
 
 @contextmanager
-def browser_page(width=1440, height=900):
-    """A page in the machine's own Chromium."""
+def browser_page(width=1440, height=900, theme="light"):
+    """A page in the machine's own Chromium, whose user likes pages light or dark."""
     with sync_playwright() as p:
         browser = p.chromium.launch(executable_path=find_chromium(), args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": width, "height": height})
+        size = {"width": width, "height": height}
+        page = browser.new_page(viewport=size, color_scheme=theme)
         yield page
         browser.close()
 
@@ -84,7 +83,7 @@ def settled(page, seconds=180):
     page.wait_for_function(
         """() => !document.querySelector("[data-testid='stSpinner'], [data-testid='stSkeleton']")
         && !document.body.innerText.includes('Compiling the solver')
-        && document.querySelector("[data-testid='stMain'] :is(h4, [data-testid='stHeading'])")
+        && document.querySelector("[data-testid='stMain'] h1")
         && ![...document.querySelectorAll('.spab-picture')].some(p => p.checkVisibility())
         && [...document.querySelectorAll('.stPlotlyChart')].every(
             c => !c.checkVisibility() || c.querySelector('.main-svg'))""",
@@ -95,7 +94,7 @@ def settled(page, seconds=180):
 
 def pages():
     """Address of each page by its name, home first: its own file, then pages/ in their order."""
-    return {"stability_map": ""} | {
+    return {"start": ""} | {
         path.stem.partition("_")[2].lower(): path.stem.partition("_")[2]
         for path in sorted((ROOT / "pages").glob("*.py"))
     }
@@ -135,6 +134,7 @@ def shoot(page, path):
 
 POINT = "bearing_number=4.5&rotor_mass=18"  # of the pictures: in the chaotic band
 OWN = "bearing_number=3.45&rotor_mass=4.52&bearing.clearance=3e-05"  # of those of one's own bearing
+OF_OWN = ("my_map", "my_bearing", "what_if", "tolerances_and_improvements")
 BEFORE = {"surrogate_map": _compare, "my_map": _map, "what_if": _what_if}
 
 
@@ -150,20 +150,18 @@ def main(wanted):
         for name, place in pages().items():
             if wanted and name not in wanted:
                 continue
-            page.goto(
-                f"{address}/{place}?{OWN if name in ('my_map', 'my_bearing', 'what_if') else POINT}"
-            )
+            page.goto(f"{address}/{place}?{OWN if name in OF_OWN else POINT}")
             settled(page)
             if name in BEFORE:
                 BEFORE[name](page)
                 settled(page)
             shoot(page, target / f"{name}{'' if place else '_light'}.png")
-    if wanted and "stability_map" not in wanted:
+    if wanted and "start" not in wanted:
         return
-    with dashboard("dark") as address, browser_page() as page:
+    with dashboard() as address, browser_page(theme="dark") as page:
         page.goto(f"{address}/?{POINT}")
         settled(page)
-        shoot(page, target / "stability_map_dark.png")
+        shoot(page, target / "start_dark.png")
 
 
 if __name__ == "__main__":

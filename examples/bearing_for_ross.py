@@ -34,7 +34,7 @@ SPEEDS = np.array([10_000.0, 20_000.0, 28_000.0, 30_000.0, 32_000.0])  # rpm
 
 def main(folder: Path) -> None:
     """Compute the tables, print the film's whirl and write the table into the folder."""
-    design = preset("fed_spindle").design
+    design = preset("fed_spindle_layered").design
     numbers = [design.bearing_number(speed * np.pi / 30) for speed in SPEEDS]
     threshold = whirl_thresholds(
         design, design.bearing_number(THRESHOLD * np.pi / 30), masses=(4.0, 20.0), scan=3

@@ -29,10 +29,10 @@ from spab_core.ui.view import (
     point_options,
 )
 
-page_head("operating point")
+page_head("motion in detail")
 state = st.session_state
 
-st.markdown("#### Operating point")
+st.markdown("# Motion in detail")
 row = point_bar()
 with row:
     design_popover()

@@ -11,7 +11,7 @@ from spab_core.plotting.lines import COORDINATES
 from spab_core.shipped.manifest import ARTIFACTS, BIFURCATIONS
 from spab_core.trajectory.expected_time import expected_seconds
 from spab_core.trajectory.provenance import film_nodes
-from spab_core.ui.jobs import job_panel
+from spab_core.ui.jobs import AUTO, job_panel
 from spab_core.ui.lines import done_with_more, line_command, line_of_job, line_view, shipped_line
 from spab_core.ui.point import chosen_settings, duration, solver_controls
 from spab_core.ui.point_bar import point_bar
@@ -27,7 +27,7 @@ from spab_core.ui.view import (
     number_field,
 )
 
-page_head("bifurcation")
+page_head("speed and mass sweeps")
 state = st.session_state
 POINT = ("rotor_mass", "bearing_number")
 if (
@@ -42,7 +42,8 @@ def _chosen() -> None:
     state["line_chosen"] = True
 
 
-st.markdown("#### Bifurcation diagrams")
+st.markdown("# Speed and mass sweeps")
+point_bar()
 a, b, c = st.columns([2.6, 1.2, 1.2], vertical_alignment="bottom")
 kind = choice(
     "Line",
@@ -115,7 +116,7 @@ over_mass = kind == "rotor-mass"
 along, limits, unit = (
     ("mass", ROTOR_MASS_RANGE, "kg") if over_mass else ("number", BEARING_NUMBER_RANGE, "Λ")
 )
-row = point_bar()
+row = st.container(horizontal=True, vertical_alignment="bottom")
 start = number_field(
     f"From, {unit}", *limits, place=row, key=f"{along}_from", step=0.1, format="%.3f", width=160
 )
@@ -143,7 +144,7 @@ with errors_in_words():
         points * expected_seconds(settings, number if over_mass else start) / workers_for(points)
     )
     label = f"Compute {points:,} points (up to {duration(max(seconds, 1.0))})"
-job = job or job_panel("bifurcation", parameters, label, "line_job")
+job = job or job_panel("bifurcation", parameters, label, "line_job", auto=seconds <= AUTO)
 title = (
     f"Over rotor mass at Λ = {at:.4g} ({chosen_design().speed_rpm(at):,.0f} rpm)"
     if over_mass

@@ -10,7 +10,8 @@ import streamlit as st
 from spab_core.plotting.surrogates import reliability_figure, uncertainty_figure
 from spab_core.reporting.export import prediction_table
 from spab_core.shipped.predicted_maps import prediction_npz
-from spab_core.surrogates.metrics import errors, uncertainty_scores
+from spab_core.surrogates.classifier import regimes_by_threshold
+from spab_core.surrogates.metrics import errors, regime_scores, uncertainty_scores
 from spab_core.surrogates.models import DIVISORS, MODELS
 from spab_core.surrogates.ranking import comparison_words, error_by_regime
 from spab_core.surrogates.uncertainty import reliability
@@ -25,17 +26,19 @@ from spab_core.ui.shared import (
     page_head,
     predicted_map,
     reference_map,
+    scores_of_assessment,
     time_text,
 )
 from spab_core.ui.solving import live_point
-from spab_core.ui.view import choice, number_field, set_point
+from spab_core.ui.target import floor_option, target_choice, target_words
+from spab_core.ui.view import TARGETS, choice, number_field, set_point
 
-page_head("surrogate map")
-
-with errors_in_words():
-    m = reference_map()
+page_head("surrogate maps")
 
 state = st.session_state
+floor = TARGETS[state["target"]]
+with errors_in_words():
+    m = reference_map(floor)
 
 
 def _chosen_cell() -> tuple[int, int]:
@@ -51,8 +54,8 @@ def _clicked(number: float, mass: float) -> None:
     _compare()
 
 
-st.markdown("#### Surrogate map of the reference bearing")
-a, b, c, d = st.columns([2, 2.2, 0.8, 0.9], vertical_alignment="bottom")
+st.markdown("# Surrogate maps of the example bearing")
+a, b, e, c, d = st.columns([1.5, 2.6, 1.3, 0.75, 0.85], vertical_alignment="bottom")
 names = list(MODELS)
 name = a.selectbox(
     "Model",
@@ -69,23 +72,27 @@ divisor = choice(
     key="divisor",
     format_func=lambda k: f"n/{k}",
 )
+target_choice("target", e)
 seed = int(
     number_field(
-        "Draw",
+        "Seed",
         0,
         999,
         place=c,
         key="draw",
-        help="Which cells are drawn to train on: another number, other cells",
+        help="Which cells are taken to train on: another number, other cells",
     )
 )
 
 with errors_in_words():
-    predicted = predicted_map(name, divisor, seed)
+    predicted = predicted_map(name, divisor, seed, floor)
 
 found = errors(m, predicted)
 row, column = _chosen_cell()
-shown, chosen = ((name, divisor, seed), (float(m.bearing_number[row]), float(m.rotor_mass[column])))
+shown, chosen = (
+    (name, divisor, seed, floor),
+    (float(m.bearing_number[row]), float(m.rotor_mass[column])),
+)
 figure = marked_surrogate_figure(mark_place("maps", shown, chosen), *shown)
 lives = error_by_regime(m, predicted)
 with d:
@@ -98,9 +105,15 @@ with d:
             "Errors": lives.rename_axis("where").reset_index,
         },
         {"npz": partial(prediction_npz, m, predicted)},
-        f"spab predict --model {name} --divisor {divisor} --seed {seed} --out predicted.npz",
+        f"spab predict --model {name} --divisor {divisor} --seed {seed}{floor_option(floor)} "
+        "--out predicted.npz",
     )
 spread = float(np.nanstd(m.mle))
+# whether a motion is periodic, quasi-periodic or chaotic by what this model predicts alone
+by_exponent = regimes_by_threshold(
+    predicted.mle[predicted.held_out], m.mle[predicted.trained], m.regime[predicted.trained]
+)
+own_regimes = regime_scores(m.regime[predicted.held_out], by_exponent)
 with st.container(horizontal=True, horizontal_alignment="distribute"):
     for label, value, text in (
         (
@@ -119,6 +132,13 @@ with st.container(horizontal=True, horizontal_alignment="distribute"):
             "RMSE, whole map",
             f"{found['rmse_all']:.3f}",
             "Training cells included, as the paper counts",
+        ),
+        (
+            "Regime right, by its exponent",
+            f"{own_regimes['regime_accuracy']:.1%}",
+            "Held-out cells whose regime two thresholds of this model's exponent tell, those that "
+            "part its training cells best. "
+            f"F1 of chaos {own_regimes['chaos_f1']:.3f}",
         ),
         ("Cells trained on", f"{predicted.surrogate.training_cells:,}", None),
     ):
@@ -139,7 +159,7 @@ number, mass = (
 a, b = st.columns([3, 1], vertical_alignment="center")
 if beside:
     a.markdown(
-        f"##### Compared at Λ {number:.3f}, {m.design.speed_rpm(number):,.0f} rpm, {mass:.2f} kg"
+        f"## Compared at Λ {number:.3f}, {m.design.speed_rpm(number):,.0f} rpm, {mass:.2f} kg"
     )
     if b.button(
         "Open this operating point",
@@ -162,7 +182,7 @@ else:
 if beside or state["sure"]:
     job = job_panel(
         "intervals",
-        {"model": name, "divisor": divisor, "seed": seed},
+        {"model": name, "divisor": divisor, "seed": seed, "floor": floor},
         "Compute its 90 % intervals",
         "intervals",
         auto=True,
@@ -175,7 +195,7 @@ if beside:
 if beside and point is not None:
     interval = (float(sure.low[cell]), float(sure.high[cell])) if sure else None
     inside, words = comparison_words(
-        float(predicted.mle[cell]), point.mle, interval, bool(predicted.trained[cell])
+        float(predicted.mle[cell]), point.mle, interval, bool(predicted.trained[cell]), floor
     )
     {True: told.success, False: told.warning, None: told.info}[inside](words)
 
@@ -183,10 +203,10 @@ if predicted.note:
     st.warning(f"Trained on this machine: {predicted.note}.")
 st.caption(
     f"{time_text(predicted)} Colours end at the 98th percentile of the error; training cells are "
-    "blank there. Cells without an exponent are left out."
+    f"blank there. Cells without an exponent are left out. {target_words(m, floor)}"
 )
 
-st.markdown("##### Where the error lives (held-out cells)")
+st.markdown("## Where the error lives (held-out cells)")
 st.dataframe(
     lives,
     width="content",
@@ -206,12 +226,14 @@ elif sure and state["sure"]:
     bins, _ = reliability(m.regime[tested] != "periodic", sure.unstable[tested])
     cells = st.columns(5)
     cells[0].metric(
-        "Regime accuracy",
+        "Regime right, classifier",
         f"{scores['regime_accuracy']:.1%}",
-        help="Held-out cells; a classifier of its own, trained on the same cells, whatever the "
-        "model above",
+        help="Held-out cells. Not of the model above: extra trees on linear theory, trained on the "
+        "regimes of the same cells, whatever model is chosen",
     )
-    cells[1].metric("F1 of chaos", f"{scores['chaos_f1']:.3f}", help="Likewise")
+    cells[1].metric(
+        "F1 of chaos, classifier", f"{scores['chaos_f1']:.3f}", help="Of the same classifier"
+    )
     cells[2].metric(
         "Coverage of 90 % intervals",
         f"{scores['coverage']:.1%}",
@@ -227,6 +249,23 @@ elif sure and state["sure"]:
         help="Of the probability of instability: mean gap between the share told and found, ten "
         "bins",
     )
+    with errors_in_words():
+        worth = scores_of_assessment(divisor, seed)
+    boxes = st.columns(5)
+    boxes[0].metric(
+        "Assessment accuracy",
+        f"{worth['assessment_accuracy']:.1%}",
+        help="Held-out cells; a classifier of good, to be watched and not recommended, by the "
+        "motion alone, trained on the same cells, whatever the model above",
+    )
+    boxes[1].metric(
+        "Called good that is", f"{worth['good_precision']:.1%}", help="Of cells called good"
+    )
+    boxes[2].metric(
+        "Avoid called good",
+        f"{worth['avoid_called_good']:.2%}",
+        help="Of cells that are not recommended",
+    )
     st.plotly_chart(uncertainty_figure(m, sure), key="sure_maps", width="stretch")
     left, right = st.columns([3, 2], gap="medium")
     left.plotly_chart(reliability_figure(bins), key="reliability", width="stretch")
@@ -240,5 +279,7 @@ elif sure and state["sure"]:
     )
     st.caption(
         "Intervals: split conformal, calibrated on a quarter of the training cells, for each "
-        "predicted regime apart. Unstable: the exponent is not negative, the motion not periodic."
+        "predicted regime apart. Regimes and probability are those of a classifier (extra trees on "
+        "linear theory), the same for every model. Unstable: the exponent is not negative, the "
+        "motion not periodic."
     )

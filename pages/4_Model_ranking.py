@@ -11,8 +11,9 @@ import streamlit as st
 from spab_core.jobs.kinds import SAMPLES
 from spab_core.plotting.surrogates import fraction_figure
 from spab_core.surrogates.models import DIVISORS, MODELS
-from spab_core.surrogates.ranking import PAPER_RMSE, ranking, spread, suggestion, table
-from spab_core.surrogates.user_data import read_samples, samples_bytes
+from spab_core.surrogates.paper import PAPER_RMSE
+from spab_core.surrogates.ranking import ranking, spread, suggestion, table
+from spab_core.surrogates.samples import PER, read_samples, samples_bytes
 from spab_core.ui.downloads import downloads
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.shared import (
@@ -23,21 +24,24 @@ from spab_core.ui.shared import (
     reference_ranking,
     reference_scores,
 )
-from spab_core.ui.view import CELLS, METRICS, choice, chosen_design, design_words
+from spab_core.ui.target import floor_option, target_choice, target_words
+from spab_core.ui.view import CELLS, METRICS, TARGETS, choice, chosen_design, design_words
 
 page_head("model ranking")
 
+floor = TARGETS[st.session_state["ranked"]]
 with errors_in_words():
     m, scores, blocks, best_first = (
-        reference_map(),
-        reference_scores(),
+        reference_map(floor),
+        reference_scores(floor),
         block_scores(),
-        reference_ranking("held_out"),
+        reference_ranking("held_out", floor),
     )
 
-st.markdown("#### Which model predicts the map best?")
+st.markdown("# Model ranking: which one predicts the map best?")
 st.success(suggestion(best_first))
-a, b, c = st.columns([2, 2.4, 0.9], vertical_alignment="bottom")
+e, a, b, c = st.columns([1.3, 1, 2.2, 0.9], vertical_alignment="bottom")
+target_choice("ranked", e)
 metric = choice("Error", METRICS, place=a, key="metric", format_func=str.upper)
 kind = choice(
     "Over",
@@ -55,7 +59,7 @@ fractions = [f"n/{k}" for k in DIVISORS if f"n/{k}" in found.index]
 figure = fraction_figure(
     found.loc[fractions], spread(scores, column), f"{metric.upper()} per revolution"
 )
-ranked = reference_ranking(kind)
+ranked = reference_ranking(kind, floor)
 with c:
     downloads(
         "ranking",
@@ -65,13 +69,14 @@ with c:
             "Table": found.rename_axis("trained on").reset_index,
             "All trainings": scores.copy,
         },
-        command="spab evaluate --out scores.csv",
+        command=f"spab evaluate{floor_option(floor)} --out scores.csv",
     )
+st.caption(target_words(m, floor))
 left, right = st.columns(2, gap="medium")
 with left:
     st.plotly_chart(figure, key="lines", width="stretch")
     st.caption(
-        f"Means over {scores['seed'].nunique()} draws of the training cells, bars: one standard "
+        f"Means over {scores['seed'].nunique()} seeds of the training cells, bars: one standard "
         "deviation. Solid: the paper's models, dotted: interpolation, dashed: others."
     )
 with right:
@@ -91,14 +96,13 @@ with right:
             "tied": st.column_config.CheckboxColumn(
                 "tied",
                 help="Its RMSE differs from the best one by chance only "
-                "(paired t test over the draws, 5 %)",
+                "(paired t test over the seeds, 5 %)",
             ),
         },
     )
 
 st.markdown(
-    f"##### {metric.upper()} per revolution, "
-    f"{'held-out cells' if kind == 'held_out' else 'whole map'}"
+    f"## {metric.upper()} per revolution, {'held-out cells' if kind == 'held_out' else 'whole map'}"
 )
 st.dataframe(
     found.rename(columns=lambda k: MODELS[k].label).style.format("{:.4f}"),
@@ -112,14 +116,15 @@ if len(unfinished):
         f"The MLP stopped at its limit of 500 epochs in {len(unfinished)} of {total} trainings."
     )
 
-st.markdown("##### Whole rectangles withheld: held-out RMSE per revolution")
+st.markdown("## Whole rectangles withheld: held-out RMSE per revolution")
 if blocks is None:
     st.caption(
         "No scores on withheld rectangles are shipped: `spab evaluate --split blocks` computes "
         "them."
     )
 else:
-    same = scores[scores["divisor"].isin(blocks["divisor"])]
+    solved = reference_scores()
+    same = solved[solved["divisor"].isin(blocks["divisor"])]
     rows = {
         title: table(s, "rmse_held_out").loc["Average"]
         for title, s in (("cells at random", same), ("rectangles", blocks))
@@ -129,13 +134,12 @@ else:
     st.dataframe(beside.style.format("{:.3f}", na_rep=""), width="stretch")
     which = ", ".join(f"n/{k}" for k in sorted(blocks["divisor"].unique()))
     st.caption(
-        f"Averages over {which}. A quarter of 10 × 10 rectangles of the plane holds no training "
-        "cell, errors are measured there: what interpolation knows does not reach inside."
+        f"Exponents as solved, averages over {which}. A quarter of 10 × 10 rectangles of the "
+        "plane holds no training cell, errors are measured there: what interpolation knows does "
+        "not reach inside."
     )
 
-st.markdown(
-    "##### Beside the paper: RMSE over the whole map, divided by the map's standard deviation"
-)
+st.markdown("## Beside the paper: RMSE over the whole map, divided by the map's standard deviation")
 deviation = float(np.nanstd(m.mle))
 whole = table(scores, "rmse_all")
 beside = pd.DataFrame(
@@ -151,32 +155,52 @@ beside = pd.DataFrame(
 )
 st.dataframe(beside.style.format("{:.2f}"), width="stretch")
 st.caption(
-    f"Ours over {deviation:.3f} per revolution. The paper does not tell its unit; its SVM column, "
-    "0.98 to 0.99, is taken as one standard deviation of its map, so its numbers stand as printed. "
-    "Two different bearings: compare the pattern."
+    f"Ours over {deviation:.3f} per revolution, the deviation of the exponents chosen above. The "
+    "paper does not tell its unit; its SVM column, 0.98 to 0.99, is taken as one standard "
+    "deviation of its map, so its numbers stand as printed. Two different bearings: compare the "
+    "pattern."
 )
 
-st.markdown("##### On your own data")
+st.markdown("## On your own data")
 st.caption(
-    "Exponents measured or computed elsewhere: a CSV file with the columns Λ, m_r (kg on one "
-    "bearing) and MLE (per "
-    "revolution, natural logarithm), on a grid or not. The same protocol is run on them."
+    "Exponents measured or computed elsewhere, as CSV or XLSX: a column for Λ or the speed (rpm), "
+    "one for the rotor mass (kg on one bearing), one for the exponent (MLE, natural logarithm), on "
+    "a grid or not; or a matrix that begins with a cell such as mass/Lambda. Units may stand in "
+    "the names: `rotor mass [g]`, `mle [1/s]`. The same protocol is run on them, "
+    "with the exponents as chosen above."
 )
-file = st.file_uploader("CSV file", "csv", key="own_data")
+left, right = st.columns([3, 1])
+file = left.file_uploader(
+    "Table, CSV or XLSX", ["csv", "txt", "tsv", "dat", "xlsx"], key="own_data"
+)
+per = right.selectbox(
+    "Exponent per",
+    [None, *PER],
+    key="own_per",
+    format_func=lambda name: {None: "as the file says", "tau": "τ (radian)"}.get(name, name),
+    help="Left as it is: what the column says, such as mle [1/s], else per revolution",
+)
 if file is not None:
     with errors_in_words():
-        samples = read_samples(file.getvalue())
+        samples = read_samples(file.getvalue(), chosen_design(), per=per)
         data = samples_bytes(samples)
         dropped = (
             f", {samples.left_out:,} rows without an exponent left out" if samples.left_out else ""
         )
+        whose = design_words()
         st.caption(
-            f"{len(samples.mle):,} points{dropped}. {design_words().capitalize()} gives the linear "
+            f"{len(samples.mle):,} points{dropped}. {whose[0].upper()}{whose[1:]} gives the linear "
             "theory that some models start from."
         )
+        for note in samples.notes:
+            st.warning(f"{note[0].upper()}{note[1:]}{'' if note.endswith('?') else '.'}")
         job = job_panel(
             "ranking",
-            {"design": chosen_design().to_dict(), "samples": hashlib.sha256(data).hexdigest()},
+            {
+                "design": chosen_design().to_dict(),
+                "samples": hashlib.sha256(data).hexdigest(),
+                "floor": floor,
+            },
             "Train and rank the models on them",
             "own_ranking",
             files={SAMPLES: data},

@@ -19,7 +19,7 @@ page_head("where to solve next")
 with errors_in_words():
     refined, rows = reference_refinement(), load_learning_curve(LEARNING_CURVE)
 
-st.markdown("#### Which points should I solve next, and how few are enough?")
+st.markdown("# Which points should I solve next, and how few are enough?")
 found, share = goal(rows), [f"n/{k}" for k in GOAL]
 solved = rows.groupby("divisor")["solved"].first()
 error, undamped, chaos = (found.loc[name] for name in ("rmse", "rmse_undamped", "chaos_f1"))
@@ -51,7 +51,7 @@ with left:
 with right:
     suggested = refined.suggestions()
     head, button = st.columns([2, 1], vertical_alignment="bottom")
-    head.markdown("##### Solve next")
+    head.markdown("## Solve next")
     st.dataframe(
         suggested,
         height=455,
@@ -89,9 +89,9 @@ with right:
             command,
         )
     st.markdown("For a bearing of your own:")
-    st.code(command, language="bash", wrap_lines=True)
+    st.code(command, language=None, wrap_lines=True)
 
-st.markdown("##### What choosing saves")
+st.markdown("## What choosing saves")
 judged = choice(
     "Judged on",
     JUDGED,

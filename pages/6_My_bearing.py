@@ -7,9 +7,15 @@ import streamlit as st
 
 from spab_core.linear_theory.coefficients import FILM_WHIRL, NAMES, Coefficients
 from spab_core.linear_theory.summary import Derived
-from spab_core.plotting.bearing import coefficient_figure
+from spab_core.plotting.bearing import coefficient_figure, load_figure
 from spab_core.trajectory.assessment import assess
-from spab_core.ui.bearing import coefficient_downloads, derived_now, over_speed, over_whirl
+from spab_core.ui.bearing import (
+    coefficient_downloads,
+    curves_now,
+    derived_now,
+    over_speed,
+    over_whirl,
+)
 from spab_core.ui.design_form import design_fields, design_files
 from spab_core.ui.point_bar import point_bar
 from spab_core.ui.shared import errors_in_words, page_head
@@ -24,7 +30,7 @@ from spab_core.ui.view import (
     point_options,
 )
 
-page_head("my bearing")
+page_head("all values of the design")
 
 
 def verdict(found: Derived) -> None:
@@ -65,10 +71,10 @@ def numbers(found: Derived) -> None:
     )
     cells[1].metric(
         "Attitude angle",
-        f"{found.attitude_angle:.1f}°",
+        "none" if found.attitude_angle is None else f"{found.attitude_angle:.1f}°",
         help="From the load to the journal's displacement, with the rotation",
     )
-    cells[2].metric("Thinnest film", f"{1e6 * film:.1f} µm", help="C (1 - e), at rest on the film")
+    cells[2].metric("Least film", f"{1e6 * film:.1f} µm", help="C (1 - e), at rest on the film")
     cells[3].metric(
         "Gas flow, Nl/min",
         f"{flow.normal_litres:.3g}",
@@ -80,6 +86,50 @@ def numbers(found: Derived) -> None:
         "none" if found.whirl is None else f"{found.whirl.ratio:.3f}",
         help="Frequency of the least stable whirl over the shaft speed",
     )
+    if found.conical:
+        st.caption(
+            f"Conical motion: {found.conical.ratio:.3f} of the speed, growth "
+            f"{found.conical.growth:+.3g} per revolution."
+        )
+
+
+def wall_numbers(found: Derived) -> None:
+    """A row of what the wall's pores do, where they store gas."""
+    if found.penetration_depth is None:
+        return
+    cells = st.columns(3)
+    cells[0].metric(
+        "Storage number σ_w",
+        f"{found.sigma_wall:.3g}",
+        help="φ μ ω H_p² / (κ p_a): how slowly a pressure wave passes the wall, in shaft radians",
+    )
+    cells[1].metric("Pores' gas / film's", f"{found.pore_gas_ratio:.3g}")
+    cells[2].metric(
+        "Waves reach",
+        f"{1e3 * found.penetration_depth:.2f} mm",
+        help="Depth in the wall at which a pressure wave of the least stable whirl's frequency is "
+        "down to 1/e",
+    )
+
+
+def assumption_panel(found: Derived) -> None:
+    """What the theory assumes, in numbers."""
+    broken = len(found.broken())
+    title = "Assumptions: " + (f"{broken} outside the theory" if broken else "all hold")
+    with st.expander(title, icon=":material/rule:" if not broken else ":material/warning:"):
+        st.dataframe(
+            pd.DataFrame(
+                {
+                    "Number": [one.name for one in found.assumptions],
+                    "Value": [f"{one.value:.3g}" for one in found.assumptions],
+                    "Limit": [f"{one.limit:.3g}" for one in found.assumptions],
+                    "Holds": [one.holds for one in found.assumptions],
+                    "Why this limit": [one.source for one in found.assumptions],
+                }
+            ),
+            hide_index=True,
+            key="assumptions",
+        )
 
 
 def rows(found: Coefficients) -> pd.DataFrame:
@@ -88,11 +138,11 @@ def rows(found: Coefficients) -> pd.DataFrame:
     return pd.DataFrame(table, index=["static", "synchronous"])
 
 
-st.markdown("#### My bearing")
+st.markdown("# All values of the design")
+with point_bar(), st.popover("Start from, open, save", icon=":material/folder_open:"):
+    design_files()
 left, right = st.columns([1, 1.35], gap="large")
 with left:
-    design_files()
-    point_bar("stretch")
     design_fields()
 design, (mass, number) = chosen_design(), chosen_point()
 with right:
@@ -102,6 +152,8 @@ with right:
         found = derived_now(design, mass, number)
     place = st.container()
     numbers(found)
+    wall_numbers(found)
+    assumption_panel(found)
     with place:
         verdict(found)
     if found.coefficients:
@@ -145,6 +197,16 @@ with right:
                     for name in NAMES
                 },
             },
+        )
+    if st.toggle("Load curves", key="load_curves", help="What the bearing carries at this speed"):
+        with st.spinner("Displacing the journal …"), errors_in_words():
+            curves = curves_now(design, number)
+        mark = (found.eccentricity, found.axial_offset)
+        figure = load_figure(curves, mark if found.status == "ok" else None)
+        st.plotly_chart(figure, key="curves", width="stretch")
+        st.caption(
+            "The journal displaced radially in the middle of the band, and along the axis without "
+            "radial displacement; film alone, wall steady. Dotted: where it rests."
         )
     st.caption(
         f"The same on the command line: `spab design show{design_option()} {point_options()}`"

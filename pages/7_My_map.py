@@ -1,12 +1,15 @@
-"""My map: the plane of one's own bearing, solved where it matters within minutes, predicted
+"""Stability map: the plane of one's own bearing, solved where it matters within minutes, predicted
 elsewhere; margin and report.
 """
 
+from functools import partial
+
 import streamlit as st
 
-from spab_core.active_learning.quick_map import check_cluster, check_quick_map, usual_plane
-from spab_core.reporting.export import map_table
-from spab_core.trajectory.regimes import NO_EXPONENT, REGIMES
+from spab_core.active_learning.quick_map import check_cluster, check_quick_map
+from spab_core.plotting.map import LAYERS
+from spab_core.shipped.model_store import DEFAULT
+from spab_core.trajectory.assessment import GRADE_WORDS
 from spab_core.ui import own_map
 from spab_core.ui.clicks import clickable, mark_place
 from spab_core.ui.downloads import downloads
@@ -14,8 +17,8 @@ from spab_core.ui.jobs import job_panel
 from spab_core.ui.margin import margin_panel
 from spab_core.ui.own_report import report_downloads
 from spab_core.ui.point_bar import point_bar
-from spab_core.ui.shared import errors_in_words, page_head
-from spab_core.ui.verdict import stability_box
+from spab_core.ui.shared import errors_in_words, marked_map_figure, page_head
+from spab_core.ui.verdict import grade_box
 from spab_core.ui.view import (
     OWN_LAYERS,
     OWN_MINUTES,
@@ -23,29 +26,17 @@ from spab_core.ui.view import (
     chosen_design,
     chosen_point,
     design_option,
-    design_words,
+    is_reference,
     number_field,
     set_point,
-    show_usual,
 )
 
-page_head("my map")
+page_head("stability map")
 design, state = chosen_design(), st.session_state
-st.markdown(f"#### Map of my bearing: {design_words()}")
-usual = usual_plane(design)
+st.markdown("# Stability map")
+point_bar()
 row = st.container(horizontal=True, vertical_alignment="bottom")
-number = row.text_input(
-    "Bearing numbers Λ, start:stop:count",
-    **show_usual("own_numbers", usual[0]),
-    width=230,
-    max_chars=60,
-)
-mass = row.text_input(
-    "Rotor masses in kg, start:stop:count",
-    **show_usual("own_masses", usual[1]),
-    width=230,
-    max_chars=60,
-)
+number, mass = own_map.range_fields(row)
 minutes = number_field(
     "Minutes",
     *OWN_MINUTES,
@@ -55,7 +46,20 @@ minutes = number_field(
     width=110,
     help="Wall time of the computation; more minutes solve more cells near the borders",
 )
-with row.popover("Cluster", icon=":material/lan:"):
+with row.popover("Cells, cluster", icon=":material/lan:"):
+    st.text_input(
+        "Bearing numbers Λ, start:stop:count",
+        key="own_numbers",
+        max_chars=60,
+        placeholder=number,
+        help="The same range as in rpm, with the number of cells",
+    )
+    st.text_input(
+        "Rotor masses in kg, start:stop:count",
+        key="own_masses",
+        max_chars=60,
+        placeholder=mass,
+    )
     cluster = st.text_input(
         "Dask scheduler",
         key="own_dask",
@@ -81,22 +85,37 @@ def _clicked(bearing_number: float, rotor_mass: float) -> None:
     state["own_clicked"] = True
 
 
+with errors_in_words():  # the map at work goes on, wherever the point is moved to
+    at_work = own_map.active_map(design)
+    asked = at_work.parameters if at_work else parameters
 left, right = st.columns([1.35, 1], gap="medium")
 with right, errors_in_words():
-    job_panel("map", parameters, f"Map this bearing in {minutes:g} minutes", "own_map")
+    job_panel(
+        "map",
+        asked,
+        f"Map this bearing in {minutes:g} minute{'' if minutes == 1 else 's'}",
+        "own_map",
+    )
 
 
 def _plane() -> None:
     if state.pop("own_clicked", False):
         st.rerun()  # of the page: its margin is another one
     with errors_in_words():
-        latest = own_map.map_job(parameters)
-        found = own_map.published(latest)
+        latest, found = own_map.shown_map(design, asked, *chosen_point())
     if latest is None or found is None:
+        if is_reference():
+            figure = marked_map_figure(chosen_point()[::-1], LAYERS[0], *DEFAULT, 0)
+            clickable(figure, "own_figure", _clicked, config={"displaylogo": False})
+            st.caption(
+                "The map that comes with spab, of the example bearing: every cell is solved."
+            )
+            return
         st.info(
-            "A coarse plane comes first, within some 20 seconds; then cells are solved where "
-            "regimes are in doubt. Solved cells are dots, the colours between them are predicted. "
-            "It can be stopped at any time: what is there is kept."
+            "A coarse plane comes first, within some 10 seconds on two idle cores; then cells are "
+            "solved where their assessment or motion is in doubt. Solved cells are dots, the "
+            "colours between them are predicted. The margin of the chosen point is solved beside "
+            "it. It can be stopped at any time: what has been solved is kept."
         )
         return
     place = mark_place(
@@ -113,44 +132,41 @@ def _plane() -> None:
 
 
 with errors_in_words():
-    job = own_map.map_job(parameters)
-    found = own_map.published(job)
+    job, found = own_map.shown_map(design, asked, *chosen_point())
 with left:
-    st.fragment(_plane, run_every=4.0 if job and job.active else None)()
+    st.fragment(_plane, run_every=4.0 if at_work else None)()
+with right, errors_in_words():
+    margin_panel(design, *chosen_point())
 if job and found:
     refined, m = found
+    rotor_mass, bearing_number = chosen_point()
     with right:
-        point_bar("stretch")
-        rotor_mass, bearing_number = chosen_point()
-        with errors_in_words():
-            margin_panel(design, rotor_mass, bearing_number)
-        at = own_map.margin_in_map(m, rotor_mass, bearing_number)
-        if at is None:
+        cell = own_map.cell_of(m, rotor_mass, bearing_number)
+        if cell is None:
             st.warning("The chosen point lies outside this map.")
         else:
-            stability_box(f"Regimes alone, read off the map. {at.headline()}", at.stable)
-            cell = m.nearest(rotor_mass, bearing_number)
-            if not refined.solved[cell]:
-                st.caption(
-                    f"The cell of this point is predicted, not solved: probability of instability "
-                    f"{100 * refined.unstable[cell]:.0f} %. Solving the point settles it."
+            words, grade = own_map.cell_words(found, cell), str(m.grades()[cell])
+            if grade == "good" and not refined.solved[cell]:
+                st.info(words, icon=":material/info:")  # green is for what was solved
+            else:
+                grade_box(words, grade)
+        by_grade, by_regime = own_map.shares(found)
+        tiles = {"Solved cells": f"{int(refined.solved.sum()):,}"}
+        tiles |= {GRADE_WORDS[g].capitalize(): f"{100 * s:.1f} %" for g, s in by_grade.items()}
+        tiles["Failed runs"] = f"{100 * by_regime.pop(''):.1f} %"
+        with st.container(horizontal=True, horizontal_alignment="distribute"):
+            for name, value in tiles.items():
+                st.metric(
+                    name,
+                    value,
+                    width="content",
+                    help=f"Of {refined.batch.size:,}; the rest predicted"
+                    if name == "Solved cells"
+                    else "Of the plane, predicted cells included; failed runs are not recommended "
+                    "too",
                 )
-            st.markdown("\n".join(f"- {text}" for text in at.sentences()))
-        share = own_map.shares(found)
-        # rare ones only where there are any: failed runs, undecided motions
-        shown = [r for r in (*REGIMES, "") if r in REGIMES[:3] or share.get(r)]
-        cells = st.columns(1 + len(shown))
-        cells[0].metric(
-            "Solved cells",
-            f"{int(refined.solved.sum()):,}",
-            help=f"Of {refined.batch.size:,}; the rest predicted",
-        )
-        for box, name in zip(cells[1:], shown, strict=True):
-            box.metric(
-                (name or NO_EXPONENT).capitalize(),
-                f"{100 * share.get(name, 0.0):.1f} %",
-                help="Of the plane, predicted cells included",
-            )
+        told = ", ".join(f"{name} {100 * share:.1f} %" for name, share in by_regime.items())
+        st.caption(f"Regimes of the plane, predicted cells included: {told}.")
         actions = st.container(horizontal=True)
         if actions.button("Solve this point", key="own_point", icon=":material/adjust:"):
             st.switch_page("pages/1_Operating_point.py")
@@ -158,12 +174,11 @@ if job and found:
             downloads(
                 "my_map",
                 {"Map": own_map.own_figure(found, layer, bearing_number, rotor_mass)},
-                {"Cells": lambda: map_table(m)},
+                {"Cells": partial(own_map.own_table, found)},
                 {"npz": job.result.read_bytes},
-                own_map.map_command(design_option(), number, mass, minutes),
+                own_map.command_of(job, design_option()),
             )
-            command = own_map.map_command(" --design my.toml", number, mass, minutes)
-            report_downloads(design, found, at, rotor_mass, bearing_number, command)
+            report_downloads(design, found, rotor_mass, bearing_number, own_map.command_of(job))
 
 saved = [j for j in own_map.finished_maps() if job is None or j.id != job.id]
 if job and found and saved:
@@ -182,5 +197,3 @@ if job and found and saved:
                     key=f"compared_{which.id}",
                     width="stretch",
                 )
-with st.expander("Jobs kept on this machine"), errors_in_words():
-    own_map.jobs_table()

@@ -1,30 +1,31 @@
 """What if: how the margin moves with the drawing, what a run-up crosses, two designs compared."""
 
-import math
-
 import pandas as pd
 import streamlit as st
 
 from spab_core.design.limits import BEARING_NUMBER_RANGE
 from spab_core.design.model import read_design_bytes
 from spab_core.design.presets import PRESETS
-from spab_core.linear_theory.summary import derive
+from spab_core.maps.bifurcation import interval_table, line_verdict
 from spab_core.maps.sensitivity import (
     AXES,
+    SCAN,
     STEPS,
     MachineMargin,
     load_sensitivity,
-    regime_intervals,
 )
 from spab_core.plotting.point import orbit_figure
 from spab_core.plotting.sensitivity import run_up_figure, tornado_figure
+from spab_core.trajectory.assessment import GRADE_WORDS, GRADES
+from spab_core.trajectory.expected_time import expected_seconds
+from spab_core.trajectory.settings import Settings
 from spab_core.ui.downloads import downloads
-from spab_core.ui.jobs import job_panel
-from spab_core.ui.lines import line_command, line_of_job
+from spab_core.ui.jobs import AUTO, job_panel
+from spab_core.ui.lines import band_table, line_command, line_of_job
 from spab_core.ui.point_bar import point_bar
-from spab_core.ui.shared import digits, errors_in_words, page_head
+from spab_core.ui.shared import errors_in_words, page_head
 from spab_core.ui.solving import live_point
-from spab_core.ui.verdict import point_verdict, stability_box
+from spab_core.ui.verdict import grade_box, grade_label, point_rows, point_verdict
 from spab_core.ui.view import (
     SCANS,
     SPEEDS,
@@ -38,7 +39,7 @@ from spab_core.ui.view import (
 )
 
 page_head("what if")
-st.markdown("#### What if")
+st.markdown("# What if")
 point_bar()
 design, (mass, number) = chosen_design(), chosen_point()
 rpm = design.speed_rpm(number)
@@ -60,7 +61,7 @@ def change_the_drawing() -> None:
         width=200,
     )
     scan = number_field(
-        "Points sought to each side",
+        "Points to each side",
         *SCANS,
         place=row,
         key="what_scan",
@@ -78,7 +79,11 @@ def change_the_drawing() -> None:
             "scan": int(scan),
         }
         job = job_panel(
-            "sensitivity", asked, "Compute the sensitivity (up to a minute)", "what_job"
+            "sensitivity",
+            asked,
+            "Compute the sensitivity (up to a minute)",
+            "what_job",
+            auto=scan <= SCAN,
         )
         if job:
             show_sensitivity(*load_sensitivity(job.result))
@@ -87,29 +92,23 @@ def change_the_drawing() -> None:
 def show_sensitivity(base: MachineMargin, table: pd.DataFrame) -> None:
     """The margin in words, its changes as a figure and a table."""
     unit = "rpm" if base.axis == "speed" else "kg"
-    sides = [
-        f"{word} {digits(value)} {unit}"
-        for word, value in (("down to", base.below), ("up to", base.above))
-        if not math.isnan(value)
-    ]
-    where = f"{'Stable' if base.stable else 'Unstable'} at {digits(base.at)} {unit}"
-    sought = f"from {digits(base.low)} to {digits(base.high)} {unit}."
-    words = f"{where}, {' and '.join(sides)}; sought {sought}"
-    stability_box(words if sides else f"{where} and everywhere {sought}", base.stable)
+    grade_box(base.verdict(), base.grade)
     figure = tornado_figure(base, table)
     st.plotly_chart(figure, key="tornado", width="stretch")
     st.dataframe(
         table.assign(
             factor=100.0 * (table["factor"] - 1.0),
+            assessment=table["assessment"].map(grade_label),
             distance=100.0 * table["distance"],
             change=100.0 * table["change"],
         ),
         hide_index=True,
         column_config={
             "factor": st.column_config.NumberColumn("change, %", format="%+.0f"),
-            "stable": "stable here",
             "below": st.column_config.NumberColumn(f"border below, {unit}", format="%.4g"),
+            "below_what": "what there",
             "above": st.column_config.NumberColumn(f"border above, {unit}", format="%.4g"),
+            "above_what": "what above",
             "distance": st.column_config.NumberColumn("margin, %", format="%.1f"),
             "change": st.column_config.NumberColumn("its change, %", format="%+.1f"),
         },
@@ -144,32 +143,28 @@ def run_the_machine_up() -> None:
             "sweeps": ["up"],
             "settings": {"transient": 200, "revolutions": 200},
         }
-        job = job_panel("bifurcation", asked, "Compute the run-up", "run_job")
+        seconds = count * expected_seconds(Settings(transient=200, revolutions=200), stop)
+        job = job_panel("bifurcation", asked, "Compute the run-up", "run_job", auto=seconds <= AUTO)
         if job:
             line = line_of_job(job)
-            branch, speeds = line.branches["up"], design.speed_rpm(1.0) * line.values
-            found = regime_intervals(speeds, branch.regime)
-            figure = run_up_figure(speeds, branch.mle, branch.contact_share, found)
+            worst, words = line_verdict(line, "up")
+            grade_box(f"The run-up. {words}", worst)
+            figure, found = run_up_figure(line), interval_table(line, ["up"])
             st.plotly_chart(figure, key="run_up", width="stretch")
             left, right = st.columns([1, 1])
-            left.dataframe(
-                found,
-                hide_index=True,
-                column_config={
-                    k: st.column_config.NumberColumn(f"{k}, rpm", format="%,.0f")
-                    for k in ("start", "stop")
-                },
-            )
+            with left:
+                band_table(found.drop(columns=["sweep", "first", "last"]), "run_up_bands", "")
             with right:
                 st.caption(
                     "Each speed from where the one before ended, settled there: slow compared "
-                    "with the rotor's own "
-                    "motion. A fast run-up crosses narrow bands before they build up."
+                    "with the rotor's own motion. A fast run-up crosses narrow bands before they "
+                    "build up. Bands are judged by the motion alone: resonance and stability at "
+                    "rest where a point is solved alone."
                 )
                 downloads(
                     "run_up",
                     {"Run-up": figure},
-                    {"Regimes": lambda: found},
+                    {"Bands": lambda: found},
                     {"npz": job.result.read_bytes},
                     line_command(line, ["up"], design_option()),
                 )
@@ -192,7 +187,8 @@ def two_designs() -> None:
             ("This design", design),
             (f"Other: {file.name if file else PRESETS[name].label}", other),
         )
-        records: dict[str, dict[str, float | None]] = {}
+        judged: dict[str, str] = {}
+        columns: dict[str, dict[str, str]] = {}
         for box, (title, one) in zip(st.columns(2, gap="medium"), sides, strict=True):
             at = one.bearing_number(design.speed(number))
             with box:
@@ -201,21 +197,22 @@ def two_designs() -> None:
                 if point is None:
                     continue
                 point_verdict(point)
-                st.plotly_chart(orbit_figure(point), key=f"two_{len(records)}", width="stretch")
-                numbers = {
-                    name: value
-                    for name, value in derive(one, mass, at).record().items()
-                    if isinstance(value, float)
-                }
-                records[title] = {
-                    "MLE per revolution": point.mle.value if point.mle else None,
-                    "largest eccentricity": point.max_eccentricity,
-                    **numbers,
-                }
-        if records:
-            st.dataframe(
-                pd.DataFrame(records).map(lambda value: f"{value:.5g}" if value == value else "")
-            )
+                st.plotly_chart(orbit_figure(point), key=f"two_{len(columns)}", width="stretch")
+                judged[title] = point.assessment().grade
+                columns[title] = point_rows(point)
+        if len(judged) == len(sides):
+            better = min(judged, key=lambda title: GRADES.index(judged[title]))
+            if len(set(judged.values())) == 1:
+                words = f"Both are {GRADE_WORDS[judged[better]]}."
+            else:
+                other_one = next(title for title in judged if title != better)
+                words = (
+                    f"Better judged: {better} ({GRADE_WORDS[judged[better]]}; the other is "
+                    f"{GRADE_WORDS[judged[other_one]]})."
+                )
+            grade_box(words, judged[better])
+        if columns:
+            st.dataframe(pd.DataFrame(columns).rename_axis("at this point"))
 
 
 for tab, content in (

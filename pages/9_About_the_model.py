@@ -15,9 +15,9 @@ AUDIT, CHECKED, DIFFERS = (
     "Where we differ from the paper",
 )
 
-page_head("about the model")
+page_head("model and validation")
 head, button = st.columns([5, 1], vertical_alignment="center")
-head.markdown("#### About the model")
+head.markdown("# Model and validation")
 with errors_in_words():
     model, numerics, results = (
         read_sections(name, wanted)

@@ -14,6 +14,7 @@ trajectory       One operating point, from the cold start to its regime.
 maps             Many operating points: planes and lines, margins to instability.
 surrogates       Models that predict a map from some of its cells.
 active_learning  Where to solve next.
+drawings         What the tolerances of a drawing mean; better drawings.
 shipped          What artifacts/ holds, and which trained models are opened.
 jobs             Background jobs: long work in a process of its own, its state on disk.
 plotting         Plotly figures from results.
@@ -42,6 +43,7 @@ from spab_core.maps.bifurcation import (
 from spab_core.maps.compute import compute_map
 from spab_core.maps.solved_margin import SolvedMargin, solve_margin
 from spab_core.maps.stability_map import StabilityMap, load_map, save_map
+from spab_core.surrogates.samples import Samples, read_samples
 from spab_core.trajectory.assessment import Assessment, Limits
 from spab_core.trajectory.point import OperatingPoint, solve_point
 from spab_core.trajectory.run import simulate
@@ -55,6 +57,7 @@ __all__ = [
     "InputError",
     "Limits",
     "OperatingPoint",
+    "Samples",
     "Settings",
     "SolvedMargin",
     "StabilityMap",
@@ -67,6 +70,7 @@ __all__ = [
     "load_bifurcation",
     "load_design",
     "load_map",
+    "read_samples",
     "reference_design",
     "save_bifurcation",
     "save_design",

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 from spab_core.design.model import reference_design
-from spab_core.solver.film import Mesh, build_film, film_size
+from spab_core.design.presets import preset
+from spab_core.solver.film import Mesh, build_film, gas_size
 from spab_core.solver.rotor import build_rotor
 from spab_core.solver.stepping import Options, advance, build_memory, build_record
 from spab_core.solver.system import System
@@ -99,7 +100,7 @@ class Run:
         self.system = System(self.film, self.rotor)
         self.method = method
         self.memory = build_memory(self.film, method)
-        self.n = film_size(self.film)
+        self.n = gas_size(self.film)
         self.done = 0
 
     def go(self, revolutions, tolerance=2e-4, *, samples=0, restart=False, **options):
@@ -132,6 +133,11 @@ def make_run(design):
         return Run(design, rotor_mass, bearing_number, **options)
 
     return build
+
+
+def quiet(name):
+    """A preset's design, its wall taken as quasi-steady."""
+    return preset(name).design.replace(bearing__porosity=0.0)
 
 
 def fed_design(edge_latitude, supply, feeding_number, **changes):

@@ -1,8 +1,10 @@
 """Predict all cells of a plane from the solved ones by a committee of randomised trees; score it on
 a solved map.
 
-One forest learns the difference between the exponent and linear theory, another the regime. The
-spread among the trees of the first and the split of votes of the second measure the doubt.
+One forest learns the difference between the exponent and linear theory, another the regime, or the
+whole kind of motion: regime, period, assessment and contact at once, so that what is predicted of a
+cell fits together. The spread among the trees of the first and the split of votes of the second
+measure the doubt.
 """
 
 from __future__ import annotations
@@ -14,10 +16,12 @@ import numpy.typing as npt
 from sklearn.ensemble import ExtraTreesClassifier, ExtraTreesRegressor
 from sklearn.metrics import mean_absolute_error, root_mean_squared_error
 
+from spab_core.design.model import Design
 from spab_core.linear_theory.linear_table import FEATURES, LinearFeatures, LinearTable
 from spab_core.maps.stability_map import StabilityMap
 from spab_core.surrogates.metrics import regime_scores
 from spab_core.surrogates.theory_trees import baseline
+from spab_core.trajectory.assessment import CONTACT, GRADES, Motion, grades
 from spab_core.trajectory.regimes import REGIMES
 
 TREES = 60
@@ -29,6 +33,77 @@ LINEAR = slice(
 DAMPED = 0.15
 Floats = npt.NDArray[np.float64]
 LABELS = (*REGIMES, "")  # "": the run fails, no exponent
+PARTS = ("regime", "period", "assessment", "contact")  # of a kind of motion, in its name
+RUBS = "rubs"  # the part ``contact`` of a motion that rubs
+_JOINT = "|"  # between the parts
+_LONGEST = 3  # periods from here on are one kind
+
+
+def kinds_of_motion(design: Design, values: dict[str, np.ndarray]) -> np.ndarray:
+    """Name the kinds of motion that a designer tells apart: regime, period 1, 2 or more, assessment
+    by the motion alone, and whether it rubs.
+
+    Parameters
+    ----------
+    design : Design
+    values : dict of ndarray, (n,)
+        Of solved cells, by the names of ``stability_map.FIELDS``.
+
+    Returns
+    -------
+    ndarray of str, (n,)
+        The :data:`PARTS`, joined.
+    """
+    parts = (
+        values["regime"],
+        np.minimum(values["period"], _LONGEST).astype(str),
+        grades(design, Motion(*(values[name] for name in Motion._fields))),
+        np.where(values["contact_share"] > CONTACT, RUBS, ""),
+    )
+    names = parts[0]
+    for part in parts[1:]:
+        names = np.char.add(np.char.add(names, _JOINT), part)
+    return names
+
+
+@dataclass(frozen=True)
+class Votes:
+    """Votes of the trees for the kinds of motion among the solved cells.
+
+    Attributes
+    ----------
+    kinds : ndarray of str, (k,)
+        Of :func:`kinds_of_motion`.
+    share : ndarray, (n, k)
+        Of the trees' votes.
+    """
+
+    kinds: np.ndarray
+    share: Floats
+
+    @property
+    def winner(self) -> np.ndarray:
+        """The kind with most votes, (n,) of str."""
+        names: np.ndarray = self.kinds[self.share.argmax(1)]
+        return names
+
+    def probability(self, part: str, value: str) -> Floats:
+        """Return the share of votes for kinds whose ``part``, of :data:`PARTS`, is ``value``,
+        (n,).
+        """
+        where = _part(self.kinds, part) == value
+        found: Floats = self.share[:, where].sum(1)
+        return found
+
+
+def _part(kinds: np.ndarray, part: str) -> np.ndarray:
+    k = PARTS.index(part)
+    return np.array([name.split(_JOINT)[k] for name in kinds.tolist()])
+
+
+def _gini(probability: Floats) -> Floats:
+    impurity: Floats = 1.0 - np.square(probability).sum(1)
+    return impurity
 
 
 @dataclass(frozen=True)
@@ -42,17 +117,25 @@ class Prediction:
         cells have an exponent.
     probability : ndarray, (n, 5)
         Share of the trees' votes for each of :data:`LABELS`.
+    votes : Votes or None
+        For whole kinds of motion, where they were learnt; ``probability`` is of the same votes.
     """
 
     mle: Floats
     deviation: Floats
     probability: Floats
+    votes: Votes | None = None
 
     @property
     def regime(self) -> np.ndarray:
-        """Most probable of :data:`LABELS`, (n,) of str."""
-        names: np.ndarray = np.array(LABELS)[self.probability.argmax(1)]
-        return names
+        """Most probable of :data:`LABELS`, (n,) of str; where whole kinds of motion were learnt,
+        that of the most probable kind.
+        """
+        names, share = np.array(LABELS), self.probability
+        if self.votes is not None:
+            names, share = _part(self.votes.kinds, "regime").astype(names.dtype), self.votes.share
+        found: np.ndarray = names[share.argmax(1)]
+        return found
 
     @property
     def unstable(self) -> Floats:
@@ -62,10 +145,13 @@ class Prediction:
     @property
     def impurity(self) -> Floats:
         """Gini impurity of the regime, (n,): the expected rate of wrong labels if labels were drawn
-        with their probabilities.
+        with their probabilities. Where whole kinds of motion were learnt, the mean of those of the
+        kind and of the assessment, whose borders count most.
         """
-        impurity: Floats = 1.0 - np.square(self.probability).sum(1)
-        return impurity
+        if self.votes is None:
+            return _gini(self.probability)
+        worth = [self.votes.probability("assessment", grade) for grade in GRADES]
+        return 0.5 * (_gini(self.votes.share) + _gini(np.column_stack(worth)))
 
 
 @dataclass(frozen=True)
@@ -117,7 +203,12 @@ def plane_inputs(
 
 
 def predict_plane(
-    inputs: Inputs, solved: np.ndarray, mle: np.ndarray, regime: np.ndarray, seed: int = 0
+    inputs: Inputs,
+    solved: np.ndarray,
+    mle: np.ndarray,
+    regime: np.ndarray,
+    seed: int = 0,
+    kinds: np.ndarray | None = None,
 ) -> Prediction:
     """Train the committee on the solved cells and predict all of them.
 
@@ -133,6 +224,8 @@ def predict_plane(
     regime : ndarray of str, (n,)
         "" if a run failed.
     seed : int
+    kinds : ndarray of str, (n,), optional
+        Of :func:`kinds_of_motion`: learnt instead of the regime alone.
 
     Returns
     -------
@@ -150,10 +243,14 @@ def predict_plane(
             start + each.mean(0, dtype=float) / number,
             each.std(0, dtype=float) / number,
         )
-    votes = ExtraTreesClassifier(TREES, random_state=seed).fit(features[solved], regime[solved])
-    probability = np.zeros((len(features), len(LABELS)))
-    probability[:, [LABELS.index(name) for name in votes.classes_]] = votes.predict_proba(features)
-    return Prediction(mean, deviation, probability)
+    # kinds with every feature tried at each cut, which has more cells right
+    options = {} if kinds is None else {"max_features": None}
+    trees = ExtraTreesClassifier(TREES, random_state=seed, **options)
+    trees.fit(features[solved], (regime if kinds is None else kinds)[solved])
+    names, share = trees.classes_.astype(str), trees.predict_proba(features)
+    regimes = names if kinds is None else _part(names, "regime")
+    probability = np.column_stack([share[:, regimes == label].sum(1) for label in LABELS])
+    return Prediction(mean, deviation, probability, None if kinds is None else Votes(names, share))
 
 
 def scores(

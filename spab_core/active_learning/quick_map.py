@@ -1,5 +1,5 @@
-"""Map a bearing within minutes: solve a coarse plane first, then cells where regimes are in doubt,
-until the time is up.
+"""Map a bearing within minutes: tabulate linear theory, solve a coarse plane, then cells where the
+assessment and the kind of motion are in doubt, until the time is up.
 """
 
 from __future__ import annotations
@@ -7,11 +7,9 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Iterable, Iterator
-from functools import partial
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from spab_core.active_learning.oracles import CHUNK, live_oracle
 from spab_core.active_learning.refine import MAX_PLANE, MIN_START, Refinement, batch_goals, refine
@@ -19,16 +17,26 @@ from spab_core.common.errors import InputError
 from spab_core.common.validation import check_number
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.design.model import Design
-from spab_core.linear_theory.linear_table import LinearTable, linear_table, shipped_table
-from spab_core.maps.stability_map import OPTIONAL, StabilityMap, axis, check_plane
+from spab_core.linear_theory.linear_table import LinearTable, shipped_table
+from spab_core.linear_theory.parallel_table import table_by_rows
+from spab_core.maps.parallel import cluster_or_processes
+from spab_core.maps.stability_map import FIELDS, StabilityMap, axis, check_plane
 from spab_core.trajectory.provenance import map_metadata
 from spab_core.trajectory.settings import Settings
 
 SECONDS, SECONDS_RANGE = 300.0, (5.0, 86_400.0)
 COARSE = 64  # cells of the first plane
-SHARE = 0.2  # of a batch for the exponent: borders between regimes are what a designer looks for
-TABLE_NODES = (32, 25)  # of linear theory's table: a quarter of the usual one, 8 s instead of 30
+SHARE = 0.1  # of a batch for the exponent: borders are what a designer looks for
+DOUBLING = 3  # batches in which the solved cells double: each ends with idle cores and a prediction
+TABLE_NODES = (32, 25)  # of linear theory's table: a quarter of the usual one, 2 s of processor
 SETTINGS = Settings(revolutions=300)
+DOING = (  # what a quick map tells
+    STARTING := "starting",
+    TABULATING := "linear theory over the plane",
+    COARSELY := "a coarse plane of cells",
+    REFINING := "cells in doubt",
+    PREDICTING := "predicting",
+)
 _KEPT_BACK = 0.05  # of the time, for the last prediction and the file
 
 
@@ -80,7 +88,15 @@ def check_cluster(address: str) -> str:
     return address
 
 
-def _table(design: Design, number: np.ndarray, mass: np.ndarray) -> LinearTable | None:
+def _table(
+    design: Design,
+    number: np.ndarray,
+    mass: np.ndarray,
+    settings: Settings,
+    workers: int,
+    cluster: str | None,
+    progress: Callable[[int], None],
+) -> LinearTable | None:
     """Return the table of linear theory over the plane; None if the design has no static
     equilibrium.
     """
@@ -89,12 +105,10 @@ def _table(design: Design, number: np.ndarray, mass: np.ndarray) -> LinearTable 
     shipped = shipped_table()
     if design == shipped.design:
         return shipped
+    plane = ((float(number[0]), float(number[-1])), (float(mass[0]), float(mass[-1])))
     try:
-        return linear_table(
-            design,
-            ((float(number[0]), float(number[-1])), (float(mass[0]), float(mass[-1]))),
-            TABLE_NODES,
-        )
+        with cluster_or_processes(workers, settings, design, cluster) as run:
+            return table_by_rows(design, plane, TABLE_NODES, run, progress)
     except InputError:
         return None
 
@@ -111,9 +125,11 @@ def quick_map(
     workers: int = 1,
     cluster: str | None = None,
     progress: Callable[[float], None] | None = None,
+    tell: Callable[[str], None] | None = None,
+    clock: Callable[[], float] = time.perf_counter,
 ) -> Iterator[Refinement]:
-    """Solve as many cells as the time allows, where regimes are most in doubt, and predict the
-    rest.
+    """Solve as many cells as the time allows, where the motion and what it is worth are most in
+    doubt, and predict the rest.
 
     Parameters
     ----------
@@ -124,7 +140,8 @@ def quick_map(
     settings : Settings
         Of each solved cell.
     seconds : float
-        Wall time from now; cells found in ``checkpoint`` take none of it.
+        Wall time from now, linear theory and predictions included; cells found in ``checkpoint``
+        take none of it.
     seed : int
         Of the choice of cells.
     checkpoint : Path
@@ -136,6 +153,10 @@ def quick_map(
         Address of a Dask scheduler whose workers solve instead.
     progress : callable
         Called with the seconds gone since the last call.
+    tell : callable
+        Called with what is being done now, of :data:`DOING`.
+    clock : callable
+        Returns the seconds that count, by default those of the wall.
 
     Yields
     ------
@@ -149,18 +170,23 @@ def quick_map(
     MapError
         As ``oracles.live_oracle``.
     """
-    began = last = time.perf_counter()
+    began = last = clock()
     metadata = map_metadata(design, settings, (len(bearing_number), len(rotor_mass)))
     count = check_plane(bearing_number, rotor_mass)
     coarse = max(MIN_START, min(COARSE, count // 4))
 
     def tick(_: int = 0) -> None:
         nonlocal last
-        now = time.perf_counter()
+        now = clock()
         if progress:
             progress(now - last)
         last = now
 
+    def say(words: str) -> None:
+        if tell:
+            tell(words)
+
+    say(STARTING)
     with live_oracle(
         design,
         bearing_number,
@@ -172,26 +198,42 @@ def quick_map(
         cluster=cluster,
         progress=tick,
     ) as oracle:
-        run = partial(
-            refine, bearing_number, rotor_mass, oracle, seed=seed, share=SHARE, metadata=metadata
-        )
-        yield from run(coarse, goals=[coarse])
-        table = _table(design, bearing_number, rotor_mass)
+        say(TABULATING)
+        table = _table(design, bearing_number, rotor_mass, settings, workers, cluster, tick)
         tick()
-        if time.perf_counter() - began <= seconds:
-            start = max(coarse, min(count // 256, count // 4))
-            goals = _goals_in_time(batch_goals(start, count), began + (1 - _KEPT_BACK) * seconds)
-            yield from run(count, table=table, goals=goals)
+
+        def solve(cells: np.ndarray) -> dict[str, np.ndarray]:
+            say(COARSELY if len(cells) == coarse else REFINING)
+            found = oracle(cells)
+            say(PREDICTING)
+            return found
+
+        end = began + (1.0 - _KEPT_BACK) * seconds
+        for result in refine(
+            bearing_number,
+            rotor_mass,
+            solve,
+            count,
+            seed,
+            table=table,
+            share=SHARE,
+            judge=True,
+            goals=_goals_in_time(batch_goals(coarse, count, DOUBLING), end, clock),
+            metadata=metadata,
+        ):
+            tick()
+            yield result
 
 
-def _goals_in_time(goals: Iterable[int], end: float) -> Iterator[int]:
+def _goals_in_time(
+    goals: Iterable[int], end: float, clock: Callable[[], float] = time.perf_counter
+) -> Iterator[int]:
     """Yield how many cells to solve up to the end of each batch, as many as the pace of the last
-    batch allows before ``end``, a reading of ``time.perf_counter``; stop when less than a chunk is
-    left.
+    batch allows before ``end``, a reading of ``clock``; stop when less than a chunk is left.
     """
     solved, batch, since = 0, 0, 0.0
     for goal in goals:
-        now = time.perf_counter()
+        now = clock()
         if solved:
             most = int(batch / max(now - since, 1e-3) * (end - now))
             if most < CHUNK:
@@ -205,28 +247,20 @@ def as_map(r: Refinement) -> StabilityMap:
     """Return solved and predicted cells as one map for margins and figures; ``r.solved`` tells them
     apart.
 
-    A predicted cell takes the committee's deviation as standard error, period, contact and orbit
-    from the nearest solved cell of its regime, and 0 revolutions. If its run is predicted to fail,
-    it takes the status of the nearest failed cell.
+    A predicted cell takes the committee's deviation as standard error, what else a cell has from
+    the nearest solved cell of its kind of motion (``r.source``), and 0 revolutions.
     """
-    solved = {name: values.copy() for name, values in r.values.items()}
-    open_cells = ~r.solved
-    solved["mle"][open_cells] = np.where(r.regime == "", np.nan, r.mle)[open_cells]
-    solved["mle_standard_error"][open_cells] = np.where(r.regime == "", np.nan, r.deviation)[
-        open_cells
-    ]
-    solved["regime"][open_cells] = r.regime[open_cells]
-    for regime in np.unique(r.regime[open_cells]):
-        like = r.solved & (r.values["regime"] == regime)
-        wanted = open_cells & (r.regime == regime)
-        source = like if like.any() else r.solved
-        _, (row, column) = distance_transform_edt(~source, return_indices=True)
-        for name in ("period", "contact_share", "max_eccentricity", "status", *OPTIONAL):
-            solved[name][wanted] = r.values[name][row[wanted], column[wanted]]
-        if regime and not like.any():
-            solved["period"][wanted], solved["status"][wanted] = int(regime == "periodic"), "ok"
-    missing = (solved["status"] == "ok") & ~np.isfinite(
-        solved["mle"]
+    filled = {name: r.values[name].ravel()[r.source] for name in FIELDS}
+    open_cells, runs = ~r.solved, r.regime != ""
+    filled["revolutions"][open_cells] = 0
+    for name, predicted in (("mle", r.mle), ("mle_standard_error", r.deviation)):
+        filled[name][open_cells] = np.where(runs, predicted, np.nan)[open_cells]
+    # where no solved cell has the predicted regime
+    odd = open_cells & (filled["regime"] != r.regime)
+    filled["regime"][odd] = r.regime[odd]
+    filled["period"][odd], filled["status"][odd] = (r.regime == "periodic")[odd], "ok"
+    missing = (filled["status"] == "ok") & ~np.isfinite(
+        filled["mle"]
     )  # too few solved cells to predict an exponent
-    solved["mle"][missing] = 0.0
-    return StabilityMap(r.bearing_number, r.rotor_mass, **solved, metadata=r.metadata)
+    filled["mle"][missing] = 0.0
+    return StabilityMap(r.bearing_number, r.rotor_mass, **filled, metadata=r.metadata)

@@ -20,8 +20,16 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.ndimage import distance_transform_edt
 
-from spab_core.active_learning.committee import LABELS, Prediction, plane_inputs, predict_plane
+from spab_core.active_learning.committee import (
+    LABELS,
+    RUBS,
+    Prediction,
+    kinds_of_motion,
+    plane_inputs,
+    predict_plane,
+)
 from spab_core.common.arrays import Array, Schema, load
 from spab_core.common.errors import InputError
 from spab_core.common.files import write_atomically
@@ -40,6 +48,7 @@ from spab_core.maps.stability_map import (
     with_unknown,
 )
 from spab_core.solver.stepping import STATUS
+from spab_core.trajectory.assessment import GRADES, Motion, grades
 
 MIN_START = 16  # cells
 START = 256  # the coarse start is 1/START of the plane, but no more than a quarter of the budget
@@ -139,6 +148,37 @@ def choose_next(
     return np.array(cells, int), np.array(for_regime, bool)
 
 
+def alike(solved: np.ndarray, known: np.ndarray, predicted: np.ndarray) -> np.ndarray:
+    """Return for each cell the flat index of the nearest solved cell of its kind, (B, M).
+
+    Parameters
+    ----------
+    solved : ndarray of bool, (B, M)
+    known, predicted : ndarray of str, (B, M)
+        Kinds of the solved cells and of all. Where no solved cell is of a kind, any counts.
+    """
+    source = np.arange(solved.size).reshape(solved.shape)
+    for kind in np.unique(predicted[~solved]):
+        like = solved & (known == kind)
+        wanted = ~solved & (predicted == kind)
+        _, (row, column) = distance_transform_edt(
+            ~(like if like.any() else solved), return_indices=True
+        )
+        source[wanted] = np.ravel_multi_index((row[wanted], column[wanted]), solved.shape)
+    return source
+
+
+def _unknown() -> np.ndarray:
+    return np.array(np.nan)
+
+
+_JUDGED = {
+    "probability_good": "good",
+    "probability_avoid": "avoid",
+    "probability_contact": "rubs",
+}  # in the file, where more than regimes are predicted
+
+
 @dataclass(frozen=True)
 class Refinement:
     """A plane of which some cells are solved and all are predicted.
@@ -164,6 +204,12 @@ class Refinement:
     suggested_for_regime : ndarray of bool, (k,)
         Whether each is suggested for its regime rather than for its exponent.
     metadata : dict
+    good, avoid, rubs : ndarray, (B, M)
+        Predicted probability that the motion is good, to be avoided, and in contact; nan where only
+        regimes are predicted.
+    source : ndarray of int, (B, M)
+        Flat index of the nearest solved cell of the kind that is predicted, itself for a solved
+        one: what a cell's orbit, contact and period are taken from.
     """
 
     bearing_number: np.ndarray
@@ -177,11 +223,46 @@ class Refinement:
     suggested: np.ndarray
     suggested_for_regime: np.ndarray
     metadata: dict[str, Any] = field(default_factory=dict)
+    good: np.ndarray = field(default_factory=_unknown)
+    avoid: np.ndarray = field(default_factory=_unknown)
+    rubs: np.ndarray = field(default_factory=_unknown)
+    source: np.ndarray = field(default_factory=_unknown)
+
+    def __post_init__(self) -> None:
+        for name in _JUDGED.values():
+            if not getattr(self, name).ndim:
+                object.__setattr__(self, name, np.full(self.batch.shape, np.nan))
+        if not self.source.ndim:
+            source = alike(self.solved, self.values["regime"], self.regime)
+            object.__setattr__(self, "source", source)
 
     @property
     def solved(self) -> np.ndarray:
         """Mask (B, M) of the solved cells."""
         return self.batch >= 0
+
+    @property
+    def judged(self) -> bool:
+        """Whether more than regimes are predicted."""
+        return not np.isnan(self.good).all()
+
+    @property
+    def certainty(self) -> np.ndarray:
+        """Probability of the predicted :attr:`assessment`, (B, M); 1 in solved cells, nan where
+        only regimes are predicted.
+        """
+        found = self.assessment
+        watch = 1.0 - self.good - self.avoid
+        predicted = np.select([found == "good", found == "avoid"], [self.good, self.avoid], watch)
+        return np.where(self.solved, 1.0 + 0.0 * self.good, np.clip(predicted, 0.0, 1.0))
+
+    @property
+    def assessment(self) -> np.ndarray:
+        """Of the motion (:data:`~spab_core.trajectory.assessment.GRADES`), solved or predicted,
+        (B, M) of str: that of the cell's source.
+        """
+        cells = {name: self.values[name].ravel()[self.source] for name in Motion._fields}
+        return grades(Design.from_dict(self.metadata["design"]), Motion(**cells))
 
     def suggestions(self) -> pd.DataFrame:
         """Return the cells to solve next, one row each, in the order of their choice."""
@@ -219,14 +300,14 @@ def check_budget(cells: int, budget: int, seed: int) -> int:
     return max(MIN_START, min(cells // START, int(budget) // 4))
 
 
-def batch_goals(start: int, budget: int) -> Iterator[int]:
+def batch_goals(start: int, budget: int, doubling: int = DOUBLING) -> Iterator[int]:
     """Yield how many cells are solved after each batch: ``start``, then twice as many in
-    :data:`DOUBLING` batches, and so on up to ``budget``.
+    ``doubling`` batches, and so on up to ``budget``.
     """
     goal = start
     yield goal
     while goal < budget:
-        first, steps = goal, min(DOUBLING, max(1, goal // BATCH))
+        first, steps = goal, min(doubling, max(1, goal // BATCH))
         for k in range(1, steps + 1):
             goal = round(first * 2.0 ** (k / steps))
             yield min(goal, budget)
@@ -242,6 +323,7 @@ def refine(
     allowed: np.ndarray | None = None,
     table: LinearTable | None = None,
     share: float | None = None,
+    judge: bool = False,
     goals: Iterable[int] | None = None,
     metadata: dict[str, Any] | None = None,
 ) -> Iterator[Refinement]:
@@ -266,12 +348,15 @@ def refine(
         Linear theory of the design, which the committee starts from.
     share : float, optional
         Share of a batch that is chosen for the exponent rather than for the regime.
+    judge : bool
+        Whether the whole kind of motion is predicted (:func:`.committee.kinds_of_motion`), with
+        assessment and contact, and cells are chosen for it; else the regime alone.
     goals : iterable of int, optional
         How many cells are to be solved after each batch, the coarse start first; the next one is
         taken when a batch is done. The run ends when it is exhausted, or at ``budget``. Left out:
         :func:`batch_goals`.
     metadata : dict, optional
-        Of the result; ``design`` is needed for :meth:`Refinement.suggestions`.
+        Of the result; ``design`` is needed for ``judge`` and :meth:`Refinement.suggestions`.
 
     Returns
     -------
@@ -295,7 +380,7 @@ def refine(
         share = EXPONENT_SHARE if table is None else THEORY_SHARE
     goals = batch_goals(start, budget) if goals is None else goals
     about = (metadata or {}) | {"budget": int(budget), "seed": int(seed)}
-    return _batches(bearing_number, rotor_mass, oracle, goals, may, table, share, about)
+    return _batches(bearing_number, rotor_mass, oracle, goals, may, table, share, judge, about)
 
 
 def last(results: Iterable[Refinement]) -> Refinement:
@@ -311,13 +396,15 @@ def _batches(
     allowed: np.ndarray,
     table: LinearTable | None,
     share: float,
+    judge: bool,
     metadata: dict[str, Any],
 ) -> Iterator[Refinement]:
     shape, seed = (len(bearing_number), len(rotor_mass)), metadata["seed"]
     inputs = plane_inputs(bearing_number, rotor_mass, table)
     values = {name: unsolved(dtype, allowed.size) for name, dtype in FIELDS.items()}
     batch_of = np.full(allowed.size, -1, np.int16)
-    prediction, start = None, 0
+    prediction, start, kinds = None, 0, None
+    design = Design.from_dict(metadata["design"]) if judge else None
     for batch, goal in enumerate(goals):
         free = allowed & (batch_of < 0)
         size = min(goal, metadata["budget"]) - int((batch_of >= 0).sum())
@@ -331,7 +418,10 @@ def _batches(
         for name in FIELDS:
             values[name][cells] = found[name]
         batch_of[cells], free[cells] = batch, False
-        prediction = predict_plane(inputs, batch_of >= 0, values["mle"], values["regime"], seed)
+        solved = batch_of >= 0
+        if design:
+            kinds = kinds_of_motion(design, values)
+        prediction = predict_plane(inputs, solved, values["mle"], values["regime"], seed, kinds)
         most = min(SUGGESTIONS, int(free.sum()))
         suggested = choose_next(prediction, free, shape, most, seed, batch + 1, share)
         yield Refinement(
@@ -345,7 +435,24 @@ def _batches(
             prediction.unstable.reshape(shape),
             *suggested,
             metadata | {"start": start, "batches": batch + 1},
+            **_judged(prediction, solved, kinds, shape),
         )
+
+
+def _judged(
+    prediction: Prediction, solved: np.ndarray, kinds: np.ndarray | None, shape: tuple[int, int]
+) -> dict[str, np.ndarray]:
+    """Return what is predicted beyond regimes, by the names of a refinement's attributes."""
+    votes = prediction.votes
+    if votes is None or kinds is None:
+        return {}
+    found = {
+        "good": votes.probability("assessment", "good"),
+        "avoid": votes.probability("assessment", "avoid"),
+        "rubs": votes.probability("contact", RUBS),
+    }
+    source = alike(*(a.reshape(shape) for a in (solved, kinds, votes.winner)))
+    return {name: p.reshape(shape) for name, p in found.items()} | {"source": source}
 
 
 _FLOATS = {
@@ -364,6 +471,10 @@ _SCHEMA = Schema(
         "predicted_regime": Array("<U14", tuple(AXES), texts=LABELS),
         "suggested": Array(np.int64, ("suggestion",), low=0),
         "suggested_for_regime": Array(bool, ("suggestion",)),
+        # of those that predict more than regimes
+        **dict.fromkeys(_JUDGED, Array(np.float32, tuple(AXES), required=False)),
+        "source": Array(np.int64, tuple(AXES), low=0, required=False),
+        "predicted_assessment": Array("<U5", tuple(AXES), texts=GRADES, required=False),
     },
     {"metadata": ("design",)},
     error=MapError,
@@ -376,7 +487,9 @@ def save_refinement(result: Refinement, path: str | Path) -> None:
     Keys: ``bearing_number``, ``rotor_mass``, ``solved``, ``batch``, the solved values by the names
     of ``FIELDS``, ``predicted_mle``, ``predicted_deviation`` and ``probability_unstable``
     (float32), ``predicted_regime``, ``suggested`` (flat indices), ``suggested_for_regime``,
-    ``metadata`` as JSON text."""
+    ``metadata`` as JSON text; where more than regimes are predicted ``predicted_assessment``,
+    ``probability_good``, ``probability_avoid``, ``probability_contact`` (float32) and ``source``
+    (flat indices)."""
     arrays = {
         "bearing_number": result.bearing_number,
         "rotor_mass": result.rotor_mass,
@@ -389,6 +502,9 @@ def save_refinement(result: Refinement, path: str | Path) -> None:
         "suggested_for_regime": result.suggested_for_regime,
         "metadata": np.array(json.dumps(result.metadata)),
     }
+    if result.judged:
+        arrays |= {key: getattr(result, name).astype(np.float32) for key, name in _JUDGED.items()}
+        arrays |= {"source": result.source, "predicted_assessment": result.assessment}
     write_atomically(path, npz_bytes(arrays))
 
 
@@ -405,6 +521,12 @@ def load_refinement(path: str | Path) -> Refinement:
     if np.any(suggested >= count):
         raise _SCHEMA.refusal(path, f"suggested holds {suggested.max()}: it has {count} cells")
     Design.from_dict(found["metadata"]["design"])
+    judged = {name: found[key].astype(float) for key, name in _JUDGED.items() if key in found}
+    if "source" in found:
+        source = found["source"].ravel()
+        if np.any(source >= count) or np.any(found["batch"].ravel()[source] < 0):
+            raise _SCHEMA.refusal(path, "source holds cells that are not solved")
+        judged["source"] = found["source"]
     found = with_unknown(found, found["batch"].shape)
     return Refinement(
         number,
@@ -416,4 +538,5 @@ def load_refinement(path: str | Path) -> Refinement:
         suggested=suggested,
         suggested_for_regime=found["suggested_for_regime"],
         metadata=found["metadata"],
+        **judged,
     )

@@ -12,6 +12,7 @@ surrogates           evaluate, predict
 models               train, verify
 refine               Where to solve next
 design, design_map   Designs: presets, numbers, coefficients, maps of one's own
+drawings             What tolerances mean, better drawings
 jobs                 Background work
 dashboard            The dashboard
 """

@@ -19,11 +19,11 @@ def add_commands(commands: Commands) -> None:
     """Add the command to the parser's."""
     text = "open the dashboard in the browser"
     sub = commands.add_parser("dashboard", help=text, description=text, allow_abbrev=False)
-    sub.add_argument("--port", type=options.whole, default=PORT, help=f"left out: {PORT}")
+    sub.add_argument("--port", type=options.whole, default=PORT, help=f"default: {PORT}")
     sub.add_argument(
         "--address",
         default=ADDRESS,
-        help=f"left out: {ADDRESS}, this machine alone; 0.0.0.0: open to the network",
+        help=f"default: {ADDRESS}, this machine alone; 0.0.0.0: open to the network",
     )
     sub.add_argument("--headless", action="store_true", help="open no browser")
     sub.set_defaults(run=_dashboard, prog=sub.prog, json=False)

@@ -5,14 +5,16 @@ coefficients for rotor programs.
 from __future__ import annotations
 
 import math
-from argparse import Namespace
+import shlex
+from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from spab_core.cli import options
+from spab_core.cli import drawings, options
 from spab_core.cli.design_map import add_map_options, design_map
 from spab_core.cli.options import Answer, Commands, Parser
 from spab_core.cli.point import assessment_lines
@@ -40,9 +42,7 @@ from spab_core.linear_theory.ross_table import (
     save_table,
 )
 from spab_core.linear_theory.summary import Derived, derive
-from spab_core.maps.stability_map import axis
 from spab_core.solver.film import Mesh, parse_mesh
-from spab_core.trajectory.assessment import assess
 from spab_core.trajectory.compiling import compile_once
 from spab_core.trajectory.point import solve_point
 from spab_core.trajectory.settings import Settings
@@ -56,6 +56,7 @@ _OF_MOTION = (  # what `spab design show` tells of the motion with unbalance
     "peak_contact_force_n",
     "max_eccentricity",
     "orbit_amplitude",
+    "coexisting",
 )
 
 
@@ -65,9 +66,7 @@ def add_commands(commands: Commands) -> None:
     subs = options.add_group(commands, "design", text)
 
     def command(name: str, text: str, run: Callable[[Namespace], Answer]) -> Parser:
-        sub = options.add_command(subs, name, text, run, "--design")
-        options.add_preset(sub)
-        return sub
+        return options.add_command(subs, name, text, run, "--design", "--preset")
 
     sub = command(
         "show",
@@ -76,8 +75,7 @@ def add_commands(commands: Commands) -> None:
         _show,
     )
     options.add(sub, "--rotor-mass", required=True)
-    sub.add_argument("--rpm", type=options.number, help="shaft speed; or give --bearing-number")
-    options.add(sub, "--bearing-number", "--mesh")
+    options.add(sub, "--rpm", "--bearing-number", "--mesh")
     options.add_limits(sub)
 
     options.add_command(subs, "presets", "the designs that come with spab", _presets)
@@ -85,6 +83,7 @@ def add_commands(commands: Commands) -> None:
     sub = options.add_command(subs, "new", "write the design file of a preset, to be changed", _new)
     sub.add_argument("--preset", required=True, help=", ".join(PRESETS))
     sub.add_argument("--out", required=True, metavar="FILE.toml")
+    sub.add_argument("--force", action="store_true", help="replace a file that is there")
 
     sub = command(
         "coefficients",
@@ -97,7 +96,7 @@ def add_commands(commands: Commands) -> None:
     sub.add_argument("--bearing-number", help=f"shaft speed as bearing number: {either}")
     sub.add_argument(
         "--whirl",
-        help="left out: a table over shaft speed and whirl frequency, for every mode (an .xlsx, "
+        help="default: a table over shaft speed and whirl frequency, for every mode (an .xlsx, "
         f"which ROSS reads as one over speed alone: {FILM_WHIRL}); or the whirl frequency over "
         f"shaft speed: {FILM_WHIRL}, at each speed that of the film's whirl, followed by "
         "continuity, for the limit of stability; a number (1: synchronous, for unbalance); "
@@ -119,6 +118,20 @@ def add_commands(commands: Commands) -> None:
         lambda args: design_map(args, options.design_of(args)),
     )
     add_map_options(sub)
+
+    sub = command(
+        "tolerance",
+        "what the tolerances of a drawing mean: machines drawn within them, solved and judged",
+        lambda args: drawings.design_tolerance(args, options.design_of(args)),
+    )
+    drawings.add_tolerance_options(sub)
+
+    sub = command(
+        "improve",
+        "better drawings: what may move, what must hold, what is wanted; a front, all solved",
+        lambda args: drawings.design_improve(args, options.design_of(args)),
+    )
+    drawings.add_improve_options(sub)
 
 
 def _presets(args: Namespace) -> Answer:
@@ -144,12 +157,17 @@ def _presets(args: Namespace) -> Answer:
 
 def _new(args: Namespace) -> Answer:
     chosen = preset(args.preset)
-    check_output(args.out, "--out")
+    check_output(args.out, "--out", (".toml",))
+    if Path(args.out).exists() and not args.force:
+        raise InputError(
+            f"--out = {args.out[:200]!r} is there already: give another name, or --force to "
+            "replace it"
+        )
     save_design(chosen.design, args.out)
     if not args.json:
         print(
             f"{args.out}: {chosen.label}; change its values, then spab design show --design "
-            f"{args.out} --rotor-mass {chosen.rotor_mass:g} --rpm {chosen.speed_rpm:g}"
+            f"{shlex.quote(args.out)} --rotor-mass {chosen.rotor_mass:g} --rpm {chosen.speed_rpm:g}"
         )
     return {"out": args.out, "preset": chosen.name, "design": _finite(chosen.design)}
 
@@ -157,7 +175,7 @@ def _new(args: Namespace) -> Answer:
 def _finite(design: Design) -> dict[str, dict[str, Any]]:
     """Return the design as plain values; an infinite stiffness becomes "inf", for JSON."""
     return {
-        part: {key: value if math.isfinite(value) else "inf" for key, value in values.items()}
+        part: {key: "inf" if value == math.inf else value for key, value in values.items()}
         for part, values in design.to_dict().items()
     }
 
@@ -167,10 +185,10 @@ def _show(args: Namespace) -> Answer:
     number = bearing_number_of(design, args.bearing_number, args.rpm)
     settings = Settings(mesh, revolutions=300)
     found = derive(design, args.rotor_mass, number, mesh)
-    say_compiling(settings)
-    compile_once(settings)
+    say_compiling(settings, design)
+    compile_once(settings, design)
     point = solve_point(design, args.rotor_mass, number, settings)
-    judged, motion = assess(design, point.motion, found, limits), point.record(limits)
+    judged, motion = point.assessment(limits, rest=found), point.record(limits)
     if not args.json:
         print("\n".join([*_lines(found), *assessment_lines(judged)]))
     return (
@@ -204,38 +222,58 @@ def _lines(d: Derived) -> list[str]:
         lines.append(
             words[0].upper() + words[1:] + ": what follows is the wall's more than the film's"
         )
+    angle = "" if d.attitude_angle is None else f"attitude angle {d.attitude_angle:.1f} deg, "
     lines += [
-        f"Static equilibrium: eccentricity {d.eccentricity:.4f} of the clearance, attitude angle "
-        f"{d.attitude_angle:.1f} deg, thinnest film {1e6 * (d.least_film or 0.0):.2f} µm",
+        f"Static equilibrium: eccentricity {d.eccentricity:.4f} of the clearance, {angle}thinnest "
+        f"film {1e6 * (d.least_film or 0.0):.2f} µm",
+        *(
+            []
+            if d.axial_stiffness is None
+            else [
+                f"Along the axis: displaced by {d.axial_offset:.4f} of the clearance, static "
+                f"stiffness {d.axial_stiffness:.4g} N/m"
+            ]
+        ),
         f"Gas flow through the wall: {d.gas_flow.mass:.3e} kg/s, {d.gas_flow.normal_litres:.3g} "
         "normal litres a minute",
     ]
     for k, name in enumerate(("Static", "Synchronous")):
         values = ", ".join(f"{n} {d.coefficients.column(n)[k]:.4g}" for n in NAMES)
         lines.append(f"{name} coefficients: {values} (N/m, N s/m)")
-    if d.whirl:
+    for name, whirl in (("whirl", d.whirl), ("conical whirl", d.conical)):
+        if whirl:
+            lines.append(
+                f"Least stable {name}: {whirl.speed_rpm:,.0f} rpm, {whirl.ratio:.4f} of the shaft "
+                f"speed; {'decays' if whirl.stable else 'GROWS'} by {abs(whirl.growth):.4g} per "
+                "revolution (linear)"
+            )
+    if d.penetration_depth is not None:
         lines.append(
-            f"Least stable whirl: {d.whirl.speed_rpm:,.0f} rpm, {d.whirl.ratio:.4f} of the "
-            f"shaft speed; {'decays' if d.whirl.stable else 'GROWS'} by {abs(d.whirl.growth):.4g} "
-            "per revolution (linear)"
+            f"Wall: sigma_w {d.sigma_wall:.4g}, gas in the pores {d.pore_gas_ratio:.3g} times the "
+            f"film's, pressure waves of the whirl reach {1e3 * d.penetration_depth:.2f} mm deep"
         )
-    return lines
+        lines += filter(None, [d.wall_words()])
+    return lines + d.broken()
 
 
 def _values(text: str, name: str, nor: str = "") -> np.ndarray | float:
     """Read a range as an array, or one number; ``nor`` names in the refusal what else there is."""
     if ":" in text:
-        values = axis(text, name)
+        values = options.values_of(text, name)
         if len(values) > MAX_ROWS:
             raise InputError(
                 f"{name}: count = {len(values)} is out of range: allowed is from 1 to {MAX_ROWS}"
             )
         return values
     try:
-        return float(text)
-    except ValueError:
+        return options.speed(text) if name == "--rpm" else options.number(text)
+    except ArgumentTypeError as error:
+        told = str(error).partition(":")[2]
+        if " two ways" in str(error):
+            raise InputError(f"{name} = {error}") from None
         raise InputError(
             f"{name} = {text[:60]!r} is neither a number nor start:stop:count{nor}"
+            f"{told and f':{told}'}"
         ) from None
 
 

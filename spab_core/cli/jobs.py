@@ -13,11 +13,11 @@ from spab_core.jobs.store import Job, cancel, delete, list_jobs
 
 def add_commands(commands: Commands) -> None:
     """Add ``jobs`` and its commands to the parser's."""
-    text = "long work that the dashboard has started in the background"
+    text = "background work started from the dashboard"
     subs = options.add_group(commands, "jobs", text)
     options.add_command(subs, "list", "all jobs, the latest first", _list)
     for name, words, run in (
-        ("cancel", "stop a job that is queued or running; what it has solved is kept", _cancel),
+        ("cancel", "stop a queued or running job; what it has solved stays", _cancel),
         ("delete", "delete a job with its result", _delete),
     ):
         options.add_command(subs, name, words, run).add_argument(

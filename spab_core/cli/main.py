@@ -28,7 +28,7 @@ def _build_parser() -> Parser:
     return parser
 
 
-_OUTPUTS = ("out", "map_out", "orbit")  # options that name a file to write
+_OUTPUTS = ("out", "map_out", "orbit", "best_out")  # options that name a file to write
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -36,30 +36,27 @@ def add_commands(commands: Commands) -> None:
         _margin,
     )
     options.add(sub, "--rotor-mass", required=True)
-    speed = sub.add_mutually_exclusive_group(required=True)
-    options.add(speed, "--bearing-number")
-    speed.add_argument("--rpm", type=options.number, help="shaft speed")
-    options.add_preset(sub)
+    options.add_speed(sub)
     sub.add_argument(
         "--map",
         nargs="?",
         const=True,
         metavar="FILE.npz",
-        help="read the borders of regimes off a map instead, predicted where its cells are; "
-        "without a file off the shipped map of the reference design",
+        help="read the regime borders from a map instead, predicted where its cells are; without a "
+        "file, from the shipped map of the reference design",
     )
     sub.add_argument(
         "--points",
         type=options.whole,
         default=POINTS,
         help="solved on each side of the point before bisection, down to a quarter of its value or "
-        f"up to three times it; left out: {POINTS}",
+        f"up to three times it; default: {POINTS}",
     )
     sub.add_argument(
         "--precision",
         type=options.number,
         default=PRECISION,
-        help=f"largest width of a limit's bracket, over its value; left out: {PRECISION:g}",
+        help=f"largest width of a limit's bracket, relative to its value; default: {PRECISION:g}",
     )
     options.add(sub, "--workers", *options.SOLVER)
     options.add_limits(sub)
@@ -83,8 +80,8 @@ def _solved(args: Namespace) -> Answer:
     check_point(args.rotor_mass, number)
     check_number("--workers", args.workers, 1, options.MAX_WORKERS)
     check_solved_margin(args.points, args.precision)
-    say_compiling(settings)
-    compile_once(settings)
+    say_compiling(settings, design)
+    compile_once(settings, design)
     with tqdm(unit="point", smoothing=0.05, leave=False) as bar:
         found = solve_margin(
             design,

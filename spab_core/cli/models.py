@@ -14,6 +14,7 @@ from spab_core.cli.surrogates import held_out_text
 from spab_core.common.errors import InputError
 from spab_core.common.files import check_output, check_writable
 from spab_core.common.validation import check_number
+from spab_core.common.words import count
 from spab_core.maps.stability_map import StabilityMap, load_map
 from spab_core.shipped import model_cache
 from spab_core.shipped.build import rebuild, trainings
@@ -23,7 +24,7 @@ from spab_core.shipped.model_store import train_on_map
 from spab_core.shipped.provenance import model_source
 from spab_core.shipped.verify import verify
 from spab_core.surrogates.metrics import SEEDS, errors
-from spab_core.surrogates.models import DIVISORS, MODELS, model
+from spab_core.surrogates.models import DIVISORS, MODELS, floored, model
 
 
 def add_commands(commands: Commands) -> None:
@@ -31,18 +32,19 @@ def add_commands(commands: Commands) -> None:
     sub = options.add_command(
         commands,
         "train",
-        "train one surrogate and keep it, or with --all everything that is shipped",
+        "train one surrogate model and cache it, or with --all everything that is shipped",
         _train,
         "--map",
     )
     sub.add_argument("--model", help=", ".join(MODELS))
     options.add(sub, "--divisor")
     options.add(sub, "--seed", default=None)
+    options.add(sub, "--floor")
     sub.add_argument(
         "--out",
         metavar="FILE.joblib",
-        help="write the model there, not into the cache; FILE.joblib.json says what it was made "
-        "from",
+        help="write the model there instead of the cache; FILE.joblib.json records what it was "
+        "made from",
     )
     sub.add_argument(
         "--all",
@@ -52,21 +54,21 @@ def add_commands(commands: Commands) -> None:
     sub.add_argument(
         "--seeds",
         type=options.whole,
-        help=f"with --all: how many draws of the training cells; left out: {len(SEEDS)}",
+        help=f"with --all: number of seeds, each with its own cells; default: {len(SEEDS)}",
     )
-    options.add(sub, "--workers", default=None, help="with --all: processes; left out: 1")
+    options.add(sub, "--workers", default=None, help="with --all: processes; default: 1")
     verifier = options.add_command(
         commands,
         "verify",
-        "check the shipped files: checksums, versions, design, map; that models predict what is "
-        "shipped",
+        "check the shipped files: checksums, versions, design, map, and that the models give the "
+        "shipped predictions",
         _verify,
     )
     for command in (sub, verifier):
         command.add_argument(
             "--folder",
             metavar="DIR",
-            help="of the shipped files; left out: artifacts/ of this installation",
+            help="of the shipped files; default: artifacts/ of this installation",
         )
 
 
@@ -84,7 +86,7 @@ def _map(args: Namespace, folder: Path) -> StabilityMap:
 def _train(args: Namespace) -> Answer:
     if args.all == (args.model is not None):
         raise InputError("give either --model with --divisor, or --all")
-    belongs = {"--all": ("seeds", "workers"), "--model": ("divisor", "seed", "out")}
+    belongs = {"--all": ("seeds", "workers"), "--model": ("divisor", "seed", "floor", "out")}
     for option in belongs["--model" if args.all else "--all"]:
         if getattr(args, option) is not None:
             raise InputError(f"--{option} belongs to {'--model' if args.all else '--all'}")
@@ -112,7 +114,8 @@ def _train_all(args: Namespace) -> Answer:
         )
     if not args.json:
         print(
-            f"{folder}: {len(written)} files and the manifest, {sum(written.values()) / 1e6:.2f} MB"
+            f"{folder}: {count(len(written), 'file')} and the manifest, "
+            f"{sum(written.values()) / 1e6:.2f} MB"
         )
     return {"folder": str(folder), "files": written}
 
@@ -126,8 +129,8 @@ def _train_one(args: Namespace) -> Answer:
     check_number("--divisor", args.divisor, 1, 100_000)
     check_number("--seed", seed, 0, options.MAX_SEED)
     if args.out is not None:
-        check_output(args.out, "--out")
-    m = _map(args, _folder(args))
+        check_output(args.out, "--out", (".joblib",))
+    m = floored(_map(args, _folder(args)), args.floor)
     with step_bar() as step:
         predicted = train_on_map(m, kind, args.divisor, seed, step)
     surrogate = predicted.surrogate
@@ -148,7 +151,7 @@ def _train_one(args: Namespace) -> Answer:
     if not args.json:
         told = f"; {held_out_text(found)}" if found else ""
         print(
-            f"{kind.label} trained on {surrogate.training_cells:,} cells in "
+            f"{kind.label} trained on {count(surrogate.training_cells, 'cell')} in "
             f"{surrogate.seconds:.2f} s{told}; kept in {path}"
         )
     return (
@@ -156,6 +159,7 @@ def _train_one(args: Namespace) -> Answer:
             "model": kind.name,
             "divisor": args.divisor,
             "seed": seed,
+            "floor": args.floor,
             "out": str(path),
             "bytes": path.stat().st_size,
             "train_seconds": surrogate.seconds,

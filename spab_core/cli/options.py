@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import re
 import sys
 from collections.abc import Callable
 from typing import Any, NoReturn, TypeAlias
 
+import numpy as np
+
 from spab_core.common.errors import InputError
-from spab_core.design.model import Design, load_design, reference_design
+from spab_core.design.form import bearing_number_of
+from spab_core.design.model import (
+    Design,
+    design_file,
+    design_remarks,
+    read_design_bytes,
+    reference_design,
+)
 from spab_core.design.presets import PRESETS, preset
+from spab_core.maps.stability_map import axis, steps_as_count
 from spab_core.solver.film import AUTO
 from spab_core.solver.stepping import DEFAULT_TOLERANCE, METHODS
 from spab_core.trajectory.assessment import DEFAULT_LIMITS, Limits
@@ -19,7 +30,9 @@ from spab_core.trajectory.settings import Settings
 Answer = dict[str, Any]  # what --json prints
 MAX_WORKERS = 1024
 MAX_SEED = 2**32 - 1
-_LEFT_OUT = "left out: the shipped map of the reference design"
+LIKELY_STEPS = 8  # 0.5:1:25 is likelier steps of 1 up to 25, 0.25:8.5:34 is 34 values
+LARGEST_STOP = 50.0  # bearing number or kg; 0.05:8.5:170 is 170 values
+_LEFT_OUT = "default: the shipped map of the reference design"
 
 
 class Parser(argparse.ArgumentParser):
@@ -39,7 +52,29 @@ def number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text[:40]!r} is not a number") from None
+        raise argparse.ArgumentTypeError(
+            f"{text[:40]!r} is not a number{_number_hint(text)}"
+        ) from None
+
+
+def _number_hint(text: str) -> str:
+    if re.fullmatch(r"[+-]?\d+,\d+", text):
+        grouped = re.fullmatch(r"[1-9]\d{0,2},\d{3}", text)
+        more = f", or {text.replace(',', '')} for thousands" if grouped else ""
+        return f": the decimal sign is a point, {text.replace(',', '.')}{more}"
+    if found := re.fullmatch(r"([+-]?[\d.]*\d(?:[eE][+-]?\d+)?)\s*[^\W\d]\S*", text):
+        return f": write {found[1]}, without its unit"
+    return ""
+
+
+def speed(text: str) -> float:
+    """Read a shaft speed; one such as 20.000 may be twenty or twenty thousand."""
+    if re.fullmatch(r"[1-9]\d{0,2}(\.\d{3})+", text):
+        raise argparse.ArgumentTypeError(
+            f"{text!r} can be read in two ways: write {text.replace('.', '')}, or "
+            f"{text.rstrip('0')}{'0' if text.rstrip('0').endswith('.') else ''}"
+        )
+    return number(text)
 
 
 def whole(text: str) -> int:
@@ -52,6 +87,7 @@ def whole(text: str) -> int:
 
 SOLVER = (
     "--design",
+    "--preset",
     "--mesh",
     "--transient",
     "--revolutions",
@@ -62,7 +98,7 @@ SOLVER = (
 AXIS: dict[str, Any] = {"type": str, "metavar": "START:STOP:COUNT"}  # a range, not a number
 _SHARED: dict[str, dict[str, Any]] = {
     "--json": {"action": "store_true", "help": "print one JSON object"},
-    "--design": {"metavar": "FILE.toml", "help": "design file; left out: the reference design"},
+    "--design": {"metavar": "FILE.toml", "help": "design file; default: the reference design"},
     "--mesh": {
         "default": str(AUTO),
         "help": "latitudes x azimuths of the half band, such as 3x24; auto: those that the design "
@@ -82,18 +118,26 @@ _SHARED: dict[str, dict[str, Any]] = {
         "unstable",
     },
     "--rotor-mass": {"type": number, "help": "kg on one bearing"},
+    "--preset": {"help": f"in place of --design: {', '.join(PRESETS)}"},
     "--bearing-number": {"type": number, "help": "shaft speed as bearing number"},
+    "--rpm": {"type": speed, "help": "shaft speed, in place of --bearing-number"},
     "--workers": {"type": whole, "default": 1, "help": "processes"},
     "--dask": {
         "metavar": "ADDRESS",
         "help": "scheduler of a Dask cluster, such as tcp://host:8786, to solve there",
     },
     "--map": {"metavar": "FILE.npz", "help": f"map file; {_LEFT_OUT}"},
+    "--floor": {
+        "type": number,
+        "metavar": "MLE",
+        "help": "set exponents under this floor to it before anything is trained, per revolution, "
+        "such as -1; left out: as they were solved",
+    },
     "--divisor": {"type": whole, "help": "train on n/DIVISOR of the cells"},
     "--seed": {
         "type": whole,
         "default": 0,
-        "help": "of the draw of the training cells and of the model; left out: 0",
+        "help": "random seed of the training cells and of the model; default: 0",
     },
 }
 
@@ -104,7 +148,7 @@ _LIMITS = (
         "--least-film",
         "least_film",
         1e-6,
-        "thinnest film allowed, µm; left out: the larger of 3 µm and five roughness lengths",
+        "thinnest film allowed, µm; default: the larger of 3 µm and five roughness lengths",
     ),
     ("--max-eccentricity", "eccentricity", 1.0, "largest eccentricity allowed, over the clearance"),
     (
@@ -128,8 +172,10 @@ def add_limits(parser: argparse._ActionsContainer) -> None:
     """Add the options of what is good."""
     for name, attribute, unit, text in _LIMITS:
         usual = getattr(DEFAULT_LIMITS, attribute)
-        left_out = "" if usual is None else f"; left out: {usual / unit:g}"
-        parser.add_argument(name, type=number, dest=f"limit_{attribute}", help=text + left_out)
+        left_out = "" if usual is None else f"; default: {usual / unit:g}"
+        parser.add_argument(
+            name, type=number, dest=f"limit_{attribute}", metavar="X", help=text + left_out
+        )
 
 
 def limits_of(args: argparse.Namespace) -> Limits:
@@ -142,9 +188,57 @@ def limits_of(args: argparse.Namespace) -> Limits:
     return dataclasses.replace(DEFAULT_LIMITS, **given)
 
 
-def add_preset(parser: argparse._ActionsContainer) -> None:
-    """Add the option that names a preset in place of a design file."""
-    parser.add_argument("--preset", help=f"in place of --design: {', '.join(PRESETS)}")
+def speed_of(text: str) -> float:
+    """Read the shaft speed of an option that may be a range too."""
+    try:
+        return speed(text)
+    except argparse.ArgumentTypeError as error:
+        raise InputError(f"--rpm = {error}") from None
+
+
+def add_speed(parser: Parser, required: bool = True, **changes: Any) -> None:
+    """Add --bearing-number and --rpm, of which one may be given."""
+    either = parser.add_mutually_exclusive_group(required=required)
+    add(either, "--bearing-number", "--rpm", **changes)
+
+
+def bearing_number_at(args: argparse.Namespace, design: Design) -> float:
+    """Return the bearing number of --bearing-number or --rpm."""
+    return bearing_number_of(design, args.bearing_number, args.rpm, "--rpm")
+
+
+def bearing_numbers(args: argparse.Namespace, design: Design) -> np.ndarray:
+    """Return the values of --bearing-number, or of --rpm as bearing numbers."""
+    if args.rpm is None:
+        return values_of(args.bearing_number, "--bearing-number")
+    return axis(rpm_range(args.rpm, design), "--rpm")
+
+
+def rpm_range(text: str, design: Design) -> str:
+    """Return a range of speeds in rpm as one of bearing numbers."""
+    values = values_of(text, "--rpm")
+    ends = (bearing_number_of(design, None, float(v), "--rpm") for v in (values[0], values[-1]))
+    return ":".join([*map(repr, ends), str(len(values))])
+
+
+def values_of(text: str, name: str) -> np.ndarray:
+    """Return the values of START:STOP:COUNT; say so where START:STEP:STOP may have been meant."""
+    values = axis(text, name)
+    start, second, third = map(float, text.split(":"))
+    meant = steps_as_count(start, second, third)
+    likely = name == "--rpm" or third <= LARGEST_STOP
+    if meant and likely and third - start >= LIKELY_STEPS * second:
+        print(
+            f"spab: {name} = {text} is {len(values)} values from {start:g} to {second:g}; for "
+            f"steps of {second:g} up to {third:g} write {meant}",
+            file=sys.stderr,
+        )
+    return values
+
+
+def listed(text: str) -> list[str]:
+    """Return the words of a list separated by commas, blanks around them allowed."""
+    return [word.strip() for word in text.split(",")]
 
 
 def add_command(
@@ -197,4 +291,10 @@ def design_of(args: argparse.Namespace) -> Design:
         raise InputError("give either --design or --preset")
     if name is not None:
         return preset(name).design
-    return reference_design() if args.design is None else load_design(args.design)
+    if args.design is None:
+        return reference_design()
+    data = design_file(args.design)
+    design = read_design_bytes(data, args.design)
+    for remark in design_remarks(data):
+        print(f"spab: design file {args.design[:200]!r}: {remark}", file=sys.stderr)
+    return design

@@ -10,17 +10,17 @@ from spab_core.cli import options
 from spab_core.cli.options import Answer, Commands
 from spab_core.cli.progress import say_compiling
 from spab_core.common.files import check_output, write_atomically
-from spab_core.common.validation import check_number
-from spab_core.design.limits import BEARING_NUMBER_RANGE, check_point
+from spab_core.design.limits import check_point
+from spab_core.linear_theory.conical import conical_thresholds
 from spab_core.linear_theory.equilibrium import concentric_stiffness
 from spab_core.linear_theory.whirl import whirl_thresholds
 from spab_core.solver.film import parse_mesh
 from spab_core.trajectory.assessment import Assessment
 from spab_core.trajectory.compiling import compile_once
 from spab_core.trajectory.point import OperatingPoint, solve_point
-from spab_core.trajectory.point_file import save_point
+from spab_core.trajectory.point_file import save_point, start_of
 from spab_core.trajectory.run import path_angle
-from spab_core.trajectory.starts import WHIRLING, start_of
+from spab_core.trajectory.starts import WHIRLING
 
 _ORBIT_REVOLUTIONS = 50
 
@@ -33,15 +33,19 @@ def add_commands(commands: Commands) -> None:
         "solve one operating point: regime and maximum Lyapunov exponent",
         _simulate,
     )
-    options.add(sub, "--rotor-mass", "--bearing-number", required=True)
+    options.add(sub, "--rotor-mass", required=True)
+    options.add_speed(sub)
     sub.add_argument(
-        "--orbit", metavar="FILE.csv", help="write the last orbits, 96 points a revolution"
+        "--orbit",
+        metavar="FILE.csv",
+        help="write the last orbits, 96 points a revolution: tau in radians, X and Y over the "
+        "clearance, velocities per radian",
     )
     sub.add_argument(
         "--start",
         metavar="FILE.npz",
         help=f"start from the last state of a point file (--out), or {WHIRLING}: on a large orbit; "
-        "left out: from rest",
+        "default: from rest",
     )
     sub.add_argument("--out", metavar="FILE.npz", help="write the solved point")
     options.add(sub, *options.SOLVER)
@@ -54,29 +58,30 @@ def add_commands(commands: Commands) -> None:
             _whirl_threshold,
         ),
     ):
-        sub = options.add_command(commands, name, text, run, "--design", "--mesh")
-        options.add(sub, "--bearing-number", required=True)
+        sub = options.add_command(commands, name, text, run, "--design", "--preset", "--mesh")
+        options.add_speed(sub)
 
 
 def _simulate(args: Namespace) -> Answer:
     settings, design = options.settings_of(args), options.design_of(args)
     limits = options.limits_of(args)
-    check_point(args.rotor_mass, args.bearing_number)
+    number = options.bearing_number_at(args, design)
+    check_point(args.rotor_mass, number)
     start = None
     if args.start is None:
         settings.check_cold_start()
     else:
-        start = start_of(args.start, design, args.rotor_mass, args.bearing_number, settings.mesh)
+        start = start_of(args.start, design, args.rotor_mass, number, settings.mesh)
     if args.out is not None:
-        check_output(args.out, "--out")
+        check_output(args.out, "--out", (".npz",))
     if args.orbit is not None:
-        check_output(args.orbit, "--orbit")
-    say_compiling(settings)
-    compile_once(settings)
+        check_output(args.orbit, "--orbit", (".csv",))
+    say_compiling(settings, design)
+    compile_once(settings, design)
     point = solve_point(
         design,
         args.rotor_mass,
-        args.bearing_number,
+        number,
         settings,
         path_revolutions=0 if args.orbit is None else _ORBIT_REVOLUTIONS,
         start=start,
@@ -107,7 +112,7 @@ def assessment_lines(found: Assessment) -> list[str]:
 
 def _orbit_csv(point: OperatingPoint) -> bytes:
     text = io.StringIO()
-    writer = csv.writer(text)
+    writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["tau", "X2", "Y2", "X1", "Y1", "X2_dot", "Y2_dot", "X1_dot", "Y1_dot"])
     states = point.trajectory.path.reshape(-1, 8)
     writer.writerows(
@@ -119,8 +124,8 @@ def _orbit_csv(point: OperatingPoint) -> bytes:
 
 def _stiffness(args: Namespace) -> Answer:
     design = options.design_of(args)
-    check_number("bearing number", args.bearing_number, *BEARING_NUMBER_RANGE)
-    kxx, kxy = concentric_stiffness(design, args.bearing_number, parse_mesh(args.mesh))
+    number = options.bearing_number_at(args, design)
+    kxx, kxy = concentric_stiffness(design, number, parse_mesh(args.mesh))
     unit = design.stiffness_unit
     if not args.json:
         print(
@@ -131,7 +136,9 @@ def _stiffness(args: Namespace) -> Answer:
 
 
 def _whirl_threshold(args: Namespace) -> Answer:
-    check_number("bearing number", args.bearing_number, *BEARING_NUMBER_RANGE)
+    design = options.design_of(args)
+    number = options.bearing_number_at(args, design)
+    mesh = parse_mesh(args.mesh)
     found: list[Answer] = [
         {
             "critical_mass_kg": t.critical_mass,
@@ -139,10 +146,9 @@ def _whirl_threshold(args: Namespace) -> Answer:
             "whirl_ratio": t.whirl_ratio,
             "stable_side": t.stable_side,
         }
-        for t in whirl_thresholds(
-            options.design_of(args), args.bearing_number, parse_mesh(args.mesh)
-        )
+        for t in whirl_thresholds(design, number, mesh)
     ]
+    tilting = conical_thresholds(design, number, mesh) if design.rotor.conical else None
     if not args.json:
         for t in found:
             print(
@@ -151,5 +157,23 @@ def _whirl_threshold(args: Namespace) -> Answer:
             )
         if not found:
             print("no threshold between 0.01 and 100 kg: stable, or unstable, over the whole range")
+        for c in tilting or []:
+            print(
+                f"conical motion, at rest in the middle: stable {c.stable_side} a transverse "
+                f"inertia of {c.transverse_inertia:.4g} kg m2 at this ratio of inertias; whirl at "
+                f"{c.whirl_ratio:.4f} of the shaft speed"
+            )
+        if tilting == []:
+            print("conical motion, at rest in the middle: no threshold at this ratio of inertias")
     none = dict.fromkeys(("critical_mass_kg", "critical_mass_number", "whirl_ratio", "stable_side"))
-    return {**(found[0] if found else none), "thresholds": found}
+    conical = [
+        {
+            "transverse_inertia_kg_m2": c.transverse_inertia,
+            "whirl_ratio": c.whirl_ratio,
+            "stable_side": c.stable_side,
+        }
+        for c in tilting or []
+    ]
+    return {**(found[0] if found else none), "thresholds": found} | (
+        {} if tilting is None else {"conical_thresholds": conical}
+    )

@@ -11,14 +11,15 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from tqdm import tqdm
 
 from spab_core.common.errors import InputError
+from spab_core.design.model import Design
 from spab_core.maps.checkpoints import remove_checkpoint
 from spab_core.trajectory.compiling import USUAL, is_compiled
 from spab_core.trajectory.settings import Settings
 
 
-def say_compiling(settings: Settings = USUAL) -> None:
-    """Say so where the kernels for such settings must be compiled first."""
-    if not is_compiled(settings):
+def say_compiling(settings: Settings = USUAL, design: Design | None = None) -> None:
+    """Say so where the kernels for such settings and design must be compiled first."""
+    if not is_compiled(settings, design):
         text = "spab: compiling the kernels, once on this machine (about 20 s)"
         print(text, file=sys.stderr, flush=True)
 

@@ -18,10 +18,11 @@ from spab_core.cli.options import Answer, Commands
 from spab_core.cli.progress import resumable, say_compiling
 from spab_core.common.errors import InputError
 from spab_core.common.files import check_output
+from spab_core.common.threads import one_thread
 from spab_core.common.validation import check_number
 from spab_core.design.model import Design
 from spab_core.linear_theory.linear_table import PLANE, LinearTable, shipped_table, table_for
-from spab_core.maps.stability_map import axis, check_plane, load_map
+from spab_core.maps.stability_map import check_plane, load_map
 from spab_core.trajectory.provenance import map_metadata
 from spab_core.trajectory.regimes import NO_EXPONENT
 
@@ -33,16 +34,17 @@ def add_commands(commands: Commands) -> None:
     sub = options.add_command(
         commands,
         "refine",
-        "solve the cells of a plane that are worth solving, from a coarse start, and predict the "
-        "others",
+        "solve the cells of a plane that are worth solving, beginning with a coarse grid, and "
+        "predict the others",
         _refine,
     )
-    options.add(sub, "--bearing-number", "--rotor-mass", **options.AXIS)
+    options.add_speed(sub, required=False, **options.AXIS)
+    options.add(sub, "--rotor-mass", **options.AXIS)
     sub.add_argument(
         "--budget",
         type=options.whole,
         required=True,
-        help="cells to solve, the coarse start included",
+        help="cells to solve, the coarse grid included",
     )
     sub.add_argument(
         "--out",
@@ -50,18 +52,20 @@ def add_commands(commands: Commands) -> None:
         metavar="FILE.npz",
         help="solved cells, predicted exponent and regime of all cells, and what to solve next",
     )
-    options.add(sub, "--seed", help="of the start, the trees and the choice of cells; left out: 0")
+    options.add(sub, "--seed", help="of the start, the trees and the choice of cells; default: 0")
     options.add(
-        sub, "--map", help="a study: plane and values from this map, none solved; errors told"
+        sub,
+        "--map",
+        help="a study: plane and values are taken from this map, nothing is solved; prints errors",
     )
     options.add(sub, "--workers", "--dask", *options.SOLVER)
-    solving = ("--bearing-number", "--rotor-mass", "--workers", "--dask", *options.SOLVER)
+    solving = ("--bearing-number", "--rpm", "--rotor-mass", "--workers", "--dask", *options.SOLVER)
     unused = {option: sub.get_default(options.destination(option)) for option in solving}
     sub.set_defaults(unused_in_a_study=unused)
 
 
 def _refine(args: Namespace) -> Answer:
-    check_output(args.out, "--out")
+    check_output(args.out, "--out", (".npz",))
     return _solve(args) if args.map is None else _study(args)
 
 
@@ -106,22 +110,24 @@ def _table(design: Design, bearing_number: np.ndarray, rotor_mass: np.ndarray) -
     )
     if design != shipped_table().design or not inside:
         tqdm.write(
-            "spab: linear stability of this bearing over the plane (about half a minute)",
+            "spab: linear stability of this bearing over the plane (some 10 s)",
             file=sys.stderr,
         )
-    return table_for(design, plane)
+    return one_thread(table_for)(design, plane)
 
 
 def _solve(args: Namespace) -> Answer:
-    if args.bearing_number is None or args.rotor_mass is None:
+    design = options.design_of(args)
+    if args.bearing_number is args.rpm or args.rotor_mass is None:  # None, both of them
         raise InputError(
-            "the plane is missing: give --bearing-number and --rotor-mass, or --map for a study"
+            "the plane is missing: give --bearing-number or --rpm, and --rotor-mass, or --map for "
+            "a study"
         )
-    bearing_number = axis(args.bearing_number, "--bearing-number")
-    rotor_mass = axis(args.rotor_mass, "--rotor-mass")
+    bearing_number = options.bearing_numbers(args, design)
+    rotor_mass = options.values_of(args.rotor_mass, "--rotor-mass")
     start = check_budget(check_plane(bearing_number, rotor_mass), args.budget, args.seed)
     check_number("--workers", args.workers, 1, options.MAX_WORKERS)
-    design, settings = options.design_of(args), options.settings_of(args)
+    settings = options.settings_of(args)
     parts = Path(f"{args.out}.parts")
     metadata = map_metadata(design, settings, (len(bearing_number), len(rotor_mass))) | {
         "study": False
@@ -141,7 +147,7 @@ def _solve(args: Namespace) -> Answer:
             progress=bar.update,
         ) as oracle,
     ):
-        say_compiling(settings)
+        say_compiling(settings, design)
         table = _table(design, bearing_number, rotor_mass)
         result = last(
             refine(

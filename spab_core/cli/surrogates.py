@@ -16,14 +16,24 @@ from spab_core.cli.progress import step_bar
 from spab_core.common.errors import InputError
 from spab_core.common.files import check_output, csv_bytes, write_atomically
 from spab_core.common.validation import check_choice, check_number
+from spab_core.common.words import count
 from spab_core.design.limits import check_point
 from spab_core.maps.stability_map import StabilityMap, load_map
 from spab_core.shipped.manifest import ARTIFACTS, load_reference_map
 from spab_core.shipped.model_store import find_certainty, find_model, predict_with
 from spab_core.shipped.predicted_maps import prediction_npz
+from spab_core.surrogates.assessment_trees import evaluate_assessments
 from spab_core.surrogates.classifier import predict_regimes
 from spab_core.surrogates.metrics import SEEDS, errors, evaluate
-from spab_core.surrogates.models import DIVISORS, MODELS, SPLITS, Model, model
+from spab_core.surrogates.models import (
+    DIVISORS,
+    MODELS,
+    SPLITS,
+    Model,
+    floor_of,
+    floored,
+    model,
+)
 from spab_core.surrogates.ranking import ranking, suggestion, table
 from spab_core.surrogates.uncertainty import CONFIDENCE, TooFewCells
 
@@ -41,18 +51,24 @@ def add_commands(commands: Commands) -> None:
     )
     sub.add_argument(
         "--models",
-        help=f"names, separated by commas; left out: all, with --uncertainty {UNCERTAIN}",
+        help=f"names, separated by commas; default: all, with --uncertainty {UNCERTAIN}",
     )
     sub.add_argument(
         "--split",
         default="random",
-        help="random: training cells drawn from the whole plane; blocks: whole rectangles of the "
-        "plane withheld, errors measured there",
+        help="random: training cells from all over the plane; blocks: whole rectangles of the "
+        "plane are withheld, and errors are measured there",
     )
     sub.add_argument(
         "--uncertainty",
         action="store_true",
         help="regime classifier, 90 %% intervals and probability of instability instead of errors",
+    )
+    sub.add_argument(
+        "--assessment",
+        action="store_true",
+        help="classifier of the assessment (good, to be watched, not recommended) instead of "
+        "errors",
     )
     sub.add_argument(
         "--divisors",
@@ -63,29 +79,30 @@ def add_commands(commands: Commands) -> None:
         "--seeds",
         type=options.whole,
         default=len(SEEDS),
-        help="how many draws of the training cells",
+        help="number of seeds, each with its own training cells",
     )
-    options.add(sub, "--workers")
+    options.add(sub, "--floor", "--workers")
     sub.add_argument("--out", metavar="FILE.csv", help="write the scores, one row a training")
 
     sub = options.add_command(
         commands,
         "predict",
-        "predict a point or the whole map by a surrogate: shipped, trained before on this "
-        "machine, or now",
+        "predict a point or the whole map with a surrogate model: shipped, cached, or trained now",
         _predict,
         "--map",
     )
     sub.add_argument("--model", required=True, help=", ".join(MODELS))
     options.add(sub, "--divisor", default=2)
-    options.add(sub, "--seed", "--rotor-mass", "--bearing-number")
+    options.add(sub, "--seed", "--floor", "--rotor-mass")
+    options.add_speed(sub, required=False)
     sub.add_argument(
         "--out", metavar="FILE.npz", help="write the predicted map: mle, trained, and the axes"
     )
 
 
 def _load(args: Namespace) -> StabilityMap:
-    return load_reference_map(ARTIFACTS) if args.map is None else load_map(args.map)
+    m = load_reference_map(ARTIFACTS) if args.map is None else load_map(args.map)
+    return floored(m, args.floor)
 
 
 def _whole_numbers(text: str, name: str, low: int, high: int) -> list[int]:
@@ -103,14 +120,16 @@ def _whole_numbers(text: str, name: str, low: int, high: int) -> list[int]:
 
 
 def _evaluate(args: Namespace) -> Answer:
+    if args.assessment:
+        return _evaluate_assessments(args)
     names = args.models or (UNCERTAIN if args.uncertainty else ",".join(MODELS))
-    models = [model(name.strip()) for name in names.split(",")]
+    models = [model(name) for name in options.listed(names)]
     check_choice("--split", args.split, SPLITS)
     divisors = _whole_numbers(args.divisors, "--divisors", 2, 100_000)
     check_number("--seeds", args.seeds, 1, 1000)
     check_number("--workers", args.workers, 1, options.MAX_WORKERS)
     if args.out is not None:
-        check_output(args.out, "--out")
+        check_output(args.out, "--out", (".csv",))
     m = _load(args)
     trainings = len(models) * len(divisors) * args.seeds
     with tqdm(total=trainings, unit="training", smoothing=0.05) as bar:
@@ -128,13 +147,14 @@ def _evaluate(args: Namespace) -> Answer:
         write_atomically(args.out, csv_bytes(scores))
     answer = {
         "split": args.split,
+        "floor": floor_of(m),
         "scores": json.loads(scores.to_json(orient="records", double_precision=15)),
     }
     where = "held-out cells" if args.split == "random" else "withheld rectangles"
     if args.uncertainty:
         if not args.json:
             print(
-                f"Means over draws, {where}; width: median of the {CONFIDENCE:.0%} intervals, per "
+                f"Means over seeds, {where}; width: median of the {CONFIDENCE:.0%} intervals, per "
                 "revolution"
             )
             means = scores.drop(columns="seed").groupby(["model", "divisor"], sort=False).mean()
@@ -154,18 +174,54 @@ def _evaluate(args: Namespace) -> Answer:
     return answer
 
 
+def _evaluate_assessments(args: Namespace) -> Answer:
+    for option, given in (("--models", args.models), ("--uncertainty", args.uncertainty)):
+        if given:
+            raise InputError(f"{option}: not allowed with --assessment, which has one classifier")
+    check_choice("--split", args.split, SPLITS)
+    divisors = _whole_numbers(args.divisors, "--divisors", 2, 100_000)
+    check_number("--seeds", args.seeds, 1, 1000)
+    if args.out is not None:
+        check_output(args.out, "--out")
+    m = _load(args)
+    with tqdm(total=len(divisors) * args.seeds, unit="training", smoothing=0.05) as bar:
+        scores = evaluate_assessments(m, divisors, range(args.seeds), args.split, bar.update)
+    if args.out is not None:
+        write_atomically(args.out, csv_bytes(scores))
+    if not args.json:
+        where = "held-out cells" if args.split == "random" else "withheld rectangles"
+        print(f"Assessment by its classifier: means over draws, {where}")
+        means = scores.drop(columns="seed").groupby("divisor", sort=False).mean()
+        print(means.T.to_string(float_format="{:.4f}".format))
+    return {
+        "split": args.split,
+        "scores": json.loads(scores.to_json(orient="records", double_precision=15)),
+    }
+
+
 def _predict(args: Namespace) -> Answer:
     kind = model(args.model)
-    point = _point(args)
-    if point is None and args.out is None:
+    speed = args.bearing_number if args.rpm is None else args.rpm
+    if (speed is None) != (args.rotor_mass is None):
         raise InputError(
-            "nothing to predict: give --bearing-number and --rotor-mass, or --out for the whole map"
+            "speed and mass belong together: give --rotor-mass with --bearing-number or --rpm, or "
+            "none of them for the whole map"
         )
+    if speed is None and args.out is None:
+        raise InputError(
+            "nothing to predict: give --rotor-mass with --bearing-number or --rpm, or --out for "
+            "the whole map"
+        )
+    if args.rpm is None:
+        _point(args)  # before the map is read
     check_number("--seed", args.seed, 0, options.MAX_SEED)
     check_number("--divisor", args.divisor, 1, 100_000)
     if args.out is not None:
-        check_output(args.out, "--out")
+        check_output(args.out, "--out", (".npz",))
     m, folder = _load(args), ARTIFACTS if args.map is None else None
+    if args.rpm is not None:
+        args.bearing_number = options.bearing_number_at(args, m.design)
+    point = _point(args)
     answer: Answer = {} if point is None else {"inside_map": _inside(m, *point)}
     with step_bar() as step:
         found = find_model(m, kind, args.divisor, args.seed, folder=folder, progress=step)
@@ -175,6 +231,7 @@ def _predict(args: Namespace) -> Answer:
     held_out = {k: v for k, v in errors(m, predicted).items() if k.endswith("held_out")}
     answer |= held_out | {
         "model": kind.name,
+        "floor": floor_of(m),
         "training_cells": surrogate.training_cells,
         "origin": found.origin,
         "train_seconds": surrogate.seconds if new else None,
@@ -183,10 +240,10 @@ def _predict(args: Namespace) -> Answer:
     text = []
     if point is not None:
         answer["mle_per_revolution"] = float(surrogate.predict(*map(np.asarray, point)))
-        answer |= _certainty(args, m, kind, *point)
+        answer |= _certainty(args, m, kind, *point, inside=answer["inside_map"])
         text += _point_text(answer)
     how = f"in {surrogate.seconds:.2f} s" if new else f"({found.origin})"
-    text.append(f"{kind.label} trained on {surrogate.training_cells:,} cells {how}")
+    text.append(f"{kind.label} trained on {count(surrogate.training_cells, 'cell')} {how}")
     if held_out:
         text.append(held_out_text(held_out))
     if args.out is not None:
@@ -200,11 +257,6 @@ def _predict(args: Namespace) -> Answer:
 
 def _point(args: Namespace) -> tuple[float, float] | None:
     """Return the bearing number and rotor mass asked for, checked; None for the whole map."""
-    if (args.bearing_number is None) != (args.rotor_mass is None):
-        raise InputError(
-            "--bearing-number and --rotor-mass belong together: give both, or neither for the "
-            "whole map"
-        )
     if args.bearing_number is None:
         return None
     check_point(args.rotor_mass, args.bearing_number)
@@ -221,7 +273,7 @@ def _inside(m: StabilityMap, bearing_number: float, rotor_mass: float) -> bool:
         _say(
             [
                 f"the point lies outside the map (bearing number {b0:g} to {b1:g}, rotor mass "
-                f"{m0:g} to {m1:g} kg): the model extrapolates"
+                f"{m0:g} to {m1:g} kg): the model extrapolates, and no interval holds there"
             ]
         )
     return inside
@@ -233,7 +285,8 @@ def _say(notes: Iterable[str]) -> None:
 
 
 def _point_text(answer: Answer) -> list[str]:
-    text = [f"MLE {answer['mle_per_revolution']:+.4f} per revolution, predicted"]
+    cut = "" if answer["floor"] is None else f" (exponents end at {answer['floor']:g})"
+    text = [f"MLE {answer['mle_per_revolution']:+.4f} per revolution, predicted{cut}"]
     regime = f"{answer['regime']}, by the classifier"
     if not answer["interval_90"]:
         return [*text, regime]
@@ -253,18 +306,26 @@ def held_out_text(held_out: dict[str, float]) -> str:
 
 
 def _certainty(
-    args: Namespace, m: StabilityMap, kind: Model, bearing_number: float, rotor_mass: float
+    args: Namespace,
+    m: StabilityMap,
+    kind: Model,
+    bearing_number: float,
+    rotor_mass: float,
+    inside: bool,
 ) -> Answer:
     """Return regime, interval and probability of instability at a point, from the same training
-    cells as the prediction.
+    cells as the prediction; neither of the last two outside the map, where nothing was calibrated.
     """
     at = np.array([bearing_number]), np.array([rotor_mass])
     try:
+        if not inside:
+            raise TooFewCells("outside the map")
         found, notes = find_certainty(
             m, kind, args.divisor, args.seed, folder=ARTIFACTS if args.map is None else None
         )
     except TooFewCells as error:
-        _say([f"no interval: {error}"])
+        if inside:
+            _say([f"no interval: {error}"])
         classifier = predict_regimes(m, args.divisor, args.seed).classifier
         return {
             "regime": str(classifier.predict(np.column_stack(at))[0]),

@@ -4,8 +4,10 @@ Module               What it answers
 -------------------  ----------------------------------------
 errors               InputError: what is wrong with an input, in a sentence
 units                Shaft speeds in rad/s and rpm
+words                Numbers in sentences
 validation           Numbers that a person gave, checked against their range
 files                Files written whole or not at all; CSV
+tables               Tables of other programs: CSV of any kind, workbooks
 arrays               What each kind of NPZ file must hold: a schema, checked on loading
 npz                  NPZ files: written the same to the byte, read with care
 paths                Where the dashboard, the shipped files and the documents lie

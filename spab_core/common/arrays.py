@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import contextlib
 import os
+import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -90,6 +92,8 @@ class Schema:
         """Return the error to raise for a file that does not fit the schema."""
         name = "" if isinstance(source, bytes) else f" {str(source)!r}"
         reason = " ".join(str(why).split())[:300]
+        if isinstance(why, zipfile.BadZipFile):
+            reason = _what_it_is(source) or reason
         return self.error(f"cannot read the {self.what}{name}: {reason}{self.advice}")
 
     @contextlib.contextmanager
@@ -103,6 +107,34 @@ class Schema:
             raise
         except UNREADABLE as error:
             raise self.refusal(source, error) from None
+
+
+_KINDS = (  # first bytes
+    (b"CDF", "it is a NetCDF file, of which maps alone are read: give the NPZ file"),
+    (b"\x89HDF", "it is an HDF5 file: give the NPZ file"),
+    (b"MATLAB 5.0", "it is a MATLAB file: give the NPZ file"),
+    (b"PK", "it is a damaged NPZ file"),
+)
+
+
+def _what_it_is(source: str | os.PathLike[str] | bytes) -> str:
+    """Return a clause that names a file which is no NPZ; "" where it is not known."""
+    try:
+        head = source[:4096] if isinstance(source, bytes) else _head(source)
+    except (OSError, ValueError):
+        return ""
+    for mark, words in _KINDS:
+        if head.startswith(mark):
+            return words
+    first = head.split(b"\n")[0]
+    if b"\0" not in head and any(first.count(sign) > 1 for sign in (b",", b";", b"\t")):
+        return "it is a table (CSV), not an NPZ file: give the file it was exported from"
+    return ""
+
+
+def _head(path: str | os.PathLike[str]) -> bytes:
+    with Path(path).open("rb") as file:
+        return file.read(4096)
 
 
 def load(

@@ -7,7 +7,7 @@ import errno
 import os
 import secrets
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TypeVar
 
@@ -18,9 +18,10 @@ from spab_core.common.errors import InputError
 _T = TypeVar("_T")
 
 
-def check_output(path: str | os.PathLike[str], name: str) -> None:
+def check_output(path: str | os.PathLike[str], name: str, endings: Collection[str] = ()) -> None:
     """Raise :class:`InputError` unless ``path`` is a regular file, or does not exist in a folder
-    that does. ``name`` is the option or field named in the message.
+    that does, and has one of the ``endings`` where some are given, such as ".npz". ``name`` is the
+    option or field named in the message.
     """
     target = Path(path)
     if (
@@ -33,6 +34,8 @@ def check_output(path: str | os.PathLike[str], name: str) -> None:
             f"{name} = {str(path)[:200]!r} cannot be written: give a file name in a folder that "
             "exists"
         )
+    if endings and target.suffix.lower() not in endings:
+        raise InputError(f"{name} = {str(path)[:200]!r} must end in {' or '.join(endings)}")
 
 
 def write_atomically(path: str | os.PathLike[str], data: bytes) -> None:
@@ -99,7 +102,12 @@ def check_writable(folder: Path, name: str) -> None:
             ) from None
 
 
-def csv_bytes(table: pd.DataFrame) -> bytes:
-    """Return a table as CSV; the bytes are the same on every system."""
-    text: str = table.to_csv(index=False, lineterminator="\n")
-    return text.encode()
+def csv_bytes(table: pd.DataFrame, semicolons: bool = False) -> bytes:
+    """Return a table as CSV; the bytes are the same on every system.
+
+    ``semicolons``: separated by semicolons, with decimal commas and a byte order mark, as Excel
+    reads it where a comma is the decimal sign; otherwise commas, decimal points, plain UTF-8.
+    """
+    style = {"sep": ";", "decimal": ","} if semicolons else {}
+    text: str = table.to_csv(index=False, lineterminator="\n", **style)
+    return text.encode("utf-8-sig" if semicolons else "utf-8")

@@ -12,12 +12,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
+from typing import Any
 
 from spab_core.common.errors import DesignError
 from spab_core.common.units import from_rpm
-from spab_core.common.validation import check_number
+from spab_core.common.validation import check_choice, check_number
 from spab_core.design.limits import BEARING_NUMBER_RANGE
-from spab_core.design.model import Bearing, Contact, Design, Gas, Rotor
+from spab_core.design.model import Bearing, Contact, Design, Gas, Rotor, Value
 
 GRADE_RANGE = (1e-3, 4000.0)  # mm/s; ISO 21940-11 names grades from G 0.4 to G 4000
 # of a pressure that is a ratio in the design; enough to hold every reading, and below rounding
@@ -47,6 +48,8 @@ class FormField:
         Whether infinity is allowed; whether ``low`` itself is not.
     over_ambient : bool
         The design holds the ratio to the ambient pressure, the form the pressure itself.
+    choices : tuple
+        What it may be where it is no number; what stands before then says nothing.
     """
 
     name: str
@@ -61,15 +64,16 @@ class FormField:
     infinite: bool
     open_low: bool
     over_ambient: bool
+    choices: tuple[Value, ...] = ()
 
     @property
     def title(self) -> str:
         """Label, symbol and unit in one line."""
-        return f"{self.label} {self.symbol}" + (f", {self.unit}" if self.unit else "")
+        return f"{self.label} {self.symbol}".strip() + (f", {self.unit}" if self.unit else "")
 
 
 GROUPS = {"Bearing": Bearing, "Gas": Gas, "Rotor": Rotor, "Contact": Contact}
-_OVER_AMBIENT, AMBIENT = "bearing__supply_pressure_ratio", "gas__ambient_pressure"
+SUPPLY, AMBIENT = "bearing__supply_pressure_ratio", "gas__ambient_pressure"
 
 
 def _shift(value: float, power: int) -> float:
@@ -83,10 +87,16 @@ def _fields() -> dict[str, FormField]:
         for f in dataclasses.fields(section):
             name, m = f"{group.lower()}__{f.name}", f.metadata
             label, symbol, unit, power = m["form"]
-            over_ambient = name == _OVER_AMBIENT
+            text = m["text"][0].upper() + m["text"][1:]
+            if m["choices"]:
+                limits = (math.nan, math.nan, False, False, False)
+                found[name] = FormField(
+                    name, label, symbol, unit, power, group, f"{text}.", *limits, m["choices"]
+                )
+                continue
+            over_ambient = name == SUPPLY
             low, high = (m[k] if over_ambient else _shift(m[k], -power) for k in ("low", "high"))
             shown = f"{low:g} to {high:g}" + (f" {unit}" if unit and not over_ambient else "")
-            text = m["text"][0].upper() + m["text"][1:]
             if over_ambient:
                 text += f". The ratio may be {shown}"
             else:
@@ -113,26 +123,38 @@ def _fields() -> dict[str, FormField]:
 FIELDS = _fields()
 
 
-def to_form(design: Design) -> dict[str, float]:
+def unused(design: Design) -> frozenset[str]:
+    """Names of form fields that say nothing about a design, such as the length of a sphere."""
+    return frozenset(
+        f"{group.lower()}__{name}"
+        for group in GROUPS
+        for name in getattr(design, group.lower()).unused
+    )
+
+
+def to_form(design: Design) -> dict[str, Any]:
     """Every design value in form units, by the names of :data:`FIELDS`."""
     values = {}
     for name, field in FIELDS.items():
         section, _, key = name.partition("__")
         value = getattr(getattr(design, section), key)
+        if field.choices:
+            values[name] = value
+            continue
         if field.over_ambient:
             value = float(f"{value * design.gas.ambient_pressure:.{RATIO_DIGITS}g}")
         values[name] = _shift(value, -field.power)
     return values
 
 
-def from_form(values: Mapping[str, float], base: Design | None = None) -> Design:
+def from_form(values: Mapping[str, Any], base: Design | None = None) -> Design:
     """The design that a form describes.
 
     Parameters
     ----------
     values : mapping
         In form units, by the names of :data:`FIELDS`; the design values left out are those of
-        ``base``.
+        ``base``. Values that say nothing about the design (the length of a sphere) are passed over.
     base : Design, optional
         The design the form was filled from: a number that still is what :func:`to_form` gave keeps
         its value to the last bit, so that ``from_form(to_form(d), d) == d`` for every design. Left
@@ -145,12 +167,17 @@ def from_form(values: Mapping[str, float], base: Design | None = None) -> Design
         and units.
     """
     base = Design() if base is None else base
-    shown, changes = to_form(base), dict[str, float]()
+    shown, changes = to_form(base), dict[str, Any]()
     for name in values:
         if name not in FIELDS:
             raise DesignError(f"there is no form field {str(name)[:60]!r}")
+        if FIELDS[name].choices:
+            check_choice(FIELDS[name].label, values[name], FIELDS[name].choices)
+            changes[name] = values[name]
+    passed_over = unused(base.replace(**changes))
+    numbers = [name for name in values if name not in changes and name not in passed_over]
     for name in sorted(
-        values, key=lambda name: FIELDS[name].over_ambient
+        numbers, key=lambda name: FIELDS[name].over_ambient
     ):  # the ambient pressure before what is over it
         field, value, scale = FIELDS[name], values[name], 1.0
         if value == shown[name] and not (field.over_ambient and AMBIENT in changes):

@@ -54,22 +54,55 @@ PRESETS = {
         Preset(
             "fed_spindle",
             "Fed porous spindle",
-            "R 40 mm fed with 6 bar, stiff and light: whirl only at high speed or mass",
+            "R 40 mm fed with 6 bar through bare porous carbon, whose pores store gas: pneumatic "
+            "hammer from 1.6 kg on",
+            4.0,
+            20_000.0,
+        ),
+        Preset(
+            "fed_spindle_layered",
+            "Fed spindle, layered",
+            "The same spindle and the same gas flow through a thin layer of low permeability on "
+            "the wall: stiff and light, whirl only at high speed or mass",
             4.0,
             20_000.0,
         ),
         Preset(
             "small_high_speed",
             "Small high-speed",
-            "R 10 mm fed with 4 bar, a rotor of 50 g at 60,000 rpm",
+            "R 10 mm fed with 4 bar through bare porous carbon, a rotor of 50 g at 60,000 rpm: "
+            "pneumatic hammer from 29 g on",
             0.05,
             60_000.0,
         ),
         Preset(
+            "small_high_speed_layered",
+            "Small high-speed, layered",
+            "The same rotor and the same gas flow through a thin layer of low permeability on the "
+            "wall: no hammer",
+            0.05,
+            60_000.0,
+        ),
+        Preset(
+            "carbon_bushing",
+            "Porous carbon bushing",
+            "A cylinder as it is sold: 50 mm bore, 89 mm long, fed with 4.1 bar, gap 8 µm",
+            3.0,
+            10_000.0,
+        ),
+        Preset(
             "rigid_balanced",
             "Rigid balanced",
-            "R 60 mm fed with 5 bar, rigid and without unbalance: what linear theory treats "
-            "exactly",
+            "R 60 mm fed with 5 bar through bare porous carbon, rigid and without unbalance: what "
+            "linear theory treats exactly; pneumatic hammer from 7.1 kg on",
+            5.0,
+            15_000.0,
+        ),
+        Preset(
+            "rigid_balanced_layered",
+            "Rigid balanced, layered",
+            "The same rotor and the same gas flow through a thin layer of low permeability on the "
+            "wall: no hammer",
             5.0,
             15_000.0,
         ),

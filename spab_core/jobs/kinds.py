@@ -39,7 +39,12 @@ from spab_core.trajectory.point_file import save_point
 from spab_core.trajectory.settings import Settings
 
 Values = dict[str, Any]  # plain JSON values by name
-Advance = Callable[[int], None]  # advance(n): n more are done
+
+
+class Advance(Protocol):
+    """Callback that takes how many more are done, and what is being done now if that changed."""
+
+    def __call__(self, count: int, doing: str = "") -> None: ...
 
 
 class SetTotal(Protocol):
@@ -74,6 +79,8 @@ class JobKind:
         be the last.
     resumes : bool
         Whether another start resumes from the solved part.
+    short : bool
+        Whether it has a lane of its own beside the long ones, which it does not wait for.
     """
 
     label: str
@@ -82,6 +89,7 @@ class JobKind:
     result: str = "result.npz"
     grows: bool = False
     resumes: bool = False
+    short: bool = False
 
     @property
     def again(self) -> str:
@@ -117,6 +125,12 @@ def workers_for(tasks: int) -> int:
 
 def _design(given: Any) -> Values:
     return Design.from_dict(given).to_dict()
+
+
+def _floor(given: Any) -> float | None:
+    from spab_core.surrogates.models import FLOORS
+
+    return None if given is None else check_number("floor", given, *FLOORS, "per revolution")
 
 
 def _settings(given: Any) -> Values:
@@ -198,12 +212,12 @@ class _PointRequest:
 
 
 def _run_point(folder: Path, parameters: Values, advance: Advance, set_total: SetTotal) -> None:
-    settings = Settings(**parameters["settings"])
-    compile_once(settings)
+    settings, design = Settings(**parameters["settings"]), Design.from_dict(parameters["design"])
+    compile_once(settings, design)
     set_total(int(settings.transient + settings.revolutions))  # fewer where the run settles
     save_point(
         solve_point(
-            Design.from_dict(parameters["design"]),
+            design,
             parameters["rotor_mass"],
             parameters["bearing_number"],
             settings,
@@ -247,11 +261,178 @@ def _run_sensitivity(
     )
 
 
+def _check_seed(seed: Any) -> int:
+    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**32:
+        raise InputError(f"seed = {str(seed)[:40]} must be a whole number from 0 to {2**32 - 1}")
+    return seed
+
+
+def _texts(given: Any, name: str) -> dict[str, Any]:
+    if not isinstance(given, dict):
+        raise InputError(f"{name} = {str(given)[:60]!r} must be texts by the names of values")
+    return {str(key): text for key, text in given.items()}
+
+
+@dataclass(kw_only=True)
+class _ToleranceRequest:
+    design: Any = field(default_factory=dict)
+    rotor_mass: Any
+    speed_rpm: Any
+    tolerances: Any  # texts by names such as bearing.clearance
+    axis: Any = AXES[0]
+    reach: Any = None
+    machines: Any = None
+    half_width: Any = None
+    wanted: Any = None
+    seed: Any = 0
+    settings: Any = field(default_factory=dict)
+    dask: Any = ""
+
+    def __post_init__(self) -> None:
+        from spab_core.active_learning.quick_map import check_cluster
+        from spab_core.design.tolerances import VALUES, Machine, parse_tolerances
+        from spab_core.drawings import tolerance
+        from spab_core.drawings.look import REACH, Look
+
+        machine = Machine.from_dict(vars(self))
+        found = parse_tolerances(_texts(self.tolerances, "tolerances"))
+        self.reach = REACH if self.reach is None else self.reach
+        self.machines = tolerance.MACHINES if self.machines is None else self.machines
+        self.half_width = tolerance.HALF_WIDTH if self.half_width is None else self.half_width
+        self.wanted = tolerance.WANTED if self.wanted is None else self.wanted
+        self.settings = _settings(self.settings)
+        look = Look(self.axis, self.reach, settings=Settings(**self.settings))
+        check = tolerance.check_study
+        check(machine, found, look, self.machines, self.half_width, self.wanted)
+        self.machines, self.seed = int(self.machines), _check_seed(self.seed)
+        self.reach, self.half_width = float(self.reach), float(self.half_width)
+        self.wanted, self.dask = float(self.wanted), check_cluster(self.dask)
+        self.design = machine.design.to_dict()
+        self.rotor_mass, self.speed_rpm = machine.rotor_mass, machine.speed_rpm
+        self.tolerances = {VALUES[t.name].key: t.text for t in found}
+
+
+def _run_tolerance(folder: Path, parameters: Values, advance: Advance, set_total: SetTotal) -> None:
+    from spab_core.design.tolerances import Machine, parse_tolerances
+    from spab_core.drawings.look import Look
+    from spab_core.drawings.tolerance import save_study, tolerance_study
+
+    p = parameters
+    set_total(p["machines"])  # fewer where the interval is narrow enough
+    study = tolerance_study(
+        Machine.from_dict(p),
+        parse_tolerances(p["tolerances"]),
+        Look(p["axis"], p["reach"], settings=Settings(**p["settings"])),
+        most=p["machines"],
+        half_width=p["half_width"],
+        wanted=p["wanted"],
+        seed=p["seed"],
+        checkpoint=folder / "parts",
+        workers=min(2, os.cpu_count() or 1),
+        cluster=p["dask"] or None,
+        progress=advance,
+    )
+    save_study(study, folder / "result.json")
+
+
+@dataclass(kw_only=True)
+class _ImproveRequest:
+    design: Any = field(default_factory=dict)
+    rotor_mass: Any
+    speed_rpm: Any
+    ranges: Any  # [low, high] in form units, by names such as bearing.clearance
+    wishes: Any = None
+    tolerances: Any = field(default_factory=dict)
+    axis: Any = AXES[0]
+    reach: Any = None
+    load: Any = 1.0
+    grade: Any = "good"
+    most_gas_flow: Any = None  # normal litres a minute
+    least_stiffness: Any = 0.0  # N/m
+    least_film: Any = 0.0  # m
+    screened: Any = None
+    solved: Any = None
+    seed: Any = 0
+    settings: Any = field(default_factory=dict)
+    dask: Any = ""
+
+    def __post_init__(self) -> None:
+        from spab_core.active_learning.quick_map import check_cluster
+        from spab_core.design.tolerances import VALUES, parse_tolerances, value_of
+        from spab_core.drawings import improve
+
+        self.wishes = list(improve.USUAL_WISHES if self.wishes is None else self.wishes)
+        self.reach = improve.REACH if self.reach is None else self.reach
+        self.screened = improve.SCREENED if self.screened is None else self.screened
+        self.solved = improve.SOLVED if self.solved is None else self.solved
+        ranges = {}
+        for key, bounds in _texts(self.ranges, "ranges").items():
+            try:
+                low, high = (float(b) for b in bounds)
+            except (TypeError, ValueError):
+                raise InputError(f"range of {key[:60]} must be two numbers") from None
+            ranges[value_of(key).key] = [low, high]
+        found = parse_tolerances(_texts(self.tolerances, "tolerances"))
+        self.settings, self.ranges = _settings(self.settings), ranges
+        self.tolerances = {VALUES[t.name].key: t.text for t in found}
+        machine, look, _ = _improving(vars(self))
+        by_name = {key.replace(".", "__"): (b[0], b[1]) for key, b in ranges.items()}
+        improve.check_improve(
+            machine, by_name, self.wishes, look, found, self.screened, self.solved
+        )
+        self.screened, self.solved = int(self.screened), int(self.solved)
+        self.reach, self.load, self.seed = look.reach, look.load, _check_seed(self.seed)
+        self.design, self.dask = machine.design.to_dict(), check_cluster(self.dask)
+        self.rotor_mass, self.speed_rpm = machine.rotor_mass, machine.speed_rpm
+
+
+def _improving(p: Values) -> tuple[Any, Any, Any]:
+    """Return machine, look and what must hold of a request to improve."""
+    from spab_core.design.tolerances import Machine
+    from spab_core.drawings.improve import PRECISION, Holds
+    from spab_core.drawings.look import Look
+
+    flow = float("inf") if p["most_gas_flow"] is None else p["most_gas_flow"]
+    look = Look(p["axis"], p["reach"], p["load"], PRECISION, settings=Settings(**p["settings"]))
+    return (
+        Machine.from_dict(p),
+        look,
+        Holds(p["grade"], flow, p["least_stiffness"], p["least_film"]),
+    )
+
+
+def _run_improve(folder: Path, parameters: Values, advance: Advance, set_total: SetTotal) -> None:
+    from spab_core.design.tolerances import parse_tolerances
+    from spab_core.drawings.improve import improve, save_improvement, steps
+
+    p = parameters
+    machine, look, holds = _improving(p)
+    tolerances = parse_tolerances(p["tolerances"])
+    set_total(steps(p["screened"], p["solved"], bool(tolerances)))
+    found = improve(
+        machine,
+        {key.replace(".", "__"): (b[0], b[1]) for key, b in p["ranges"].items()},
+        p["wishes"],
+        look,
+        holds,
+        tolerances,
+        screened=p["screened"],
+        solved=p["solved"],
+        seed=p["seed"],
+        checkpoint=folder / "parts",
+        workers=min(2, os.cpu_count() or 1),
+        cluster=p["dask"] or None,
+        progress=advance,
+    )
+    save_improvement(found, folder / "result.json")
+
+
 @dataclass(kw_only=True)
 class _RankingRequest:
     design: Any = field(default_factory=dict)
     samples: Any  # SHA-256 of the file
     models: Any = None  # all
+    floor: Any = None  # of the exponents, per revolution
 
     def __post_init__(self) -> None:
         from spab_core.surrogates.models import MODELS, model
@@ -266,6 +447,7 @@ class _RankingRequest:
             raise InputError(f"models = {str(names)[:60]!r} must be a list of {', '.join(MODELS)}")
         self.design = _design(self.design)
         self.models = [model(str(name)).name for name in names]
+        self.floor = _floor(self.floor)
 
 
 def _run_ranking(folder: Path, parameters: Values, advance: Advance, set_total: SetTotal) -> None:
@@ -282,6 +464,7 @@ def _run_ranking(folder: Path, parameters: Values, advance: Advance, set_total: 
         load_samples(folder / SAMPLES),
         Design.from_dict(parameters["design"]),
         models,
+        floor=parameters["floor"],
         progress=advance,
     )
     write_atomically(folder / "result.csv", csv_bytes(scores))
@@ -302,10 +485,7 @@ class _MapRequest:
 
         seed, seconds = self.seed, quick_map.SECONDS if self.seconds is None else self.seconds
         quick_map.check_quick_map(self.bearing_number, self.rotor_mass, seconds)
-        if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**32:
-            raise InputError(
-                f"seed = {str(seed)[:40]} must be a whole number from 0 to {2**32 - 1}"
-            )
+        _check_seed(seed)
         self.design = _design(self.design)
         self.bearing_number, self.rotor_mass = str(self.bearing_number), str(self.rotor_mass)
         self.seconds = float(seconds)
@@ -323,8 +503,8 @@ def _run_map(folder: Path, parameters: Values, advance: Advance, set_total: SetT
 
     def progress(more: float) -> None:
         nonlocal gone
-        before, gone = int(gone), min(gone + more, seconds)
-        advance(int(gone) - before)
+        before, gone = round(gone), min(gone + more, seconds)
+        advance(round(gone) - before)
 
     number, mass = check_quick_map(parameters["bearing_number"], parameters["rotor_mass"], seconds)
     for result in quick_map(
@@ -338,6 +518,7 @@ def _run_map(folder: Path, parameters: Values, advance: Advance, set_total: SetT
         workers=min(2, os.cpu_count() or 1),
         cluster=parameters["dask"] or None,
         progress=progress,
+        tell=lambda words: advance(0, words),
     ):
         save_refinement(result, folder / "result.npz")
 
@@ -347,6 +528,7 @@ class _IntervalsRequest:
     model: Any
     divisor: Any
     seed: Any = 0
+    floor: Any = None  # of the exponents, per revolution
     made_from: Any = None  # hashes of map and code: the present ones
 
     def __post_init__(self) -> None:
@@ -365,17 +547,18 @@ class _IntervalsRequest:
             )
         self.model, self.made_from = model(str(self.model)).name, now
         self.seed = int(check_number("seed", self.seed, 0, 999))
+        self.floor = _floor(self.floor)
 
 
 def _run_intervals(folder: Path, parameters: Values, advance: Advance, set_total: SetTotal) -> None:
     from spab_core.shipped.manifest import load_reference_map
     from spab_core.shipped.model_store import shipped_certainty
-    from spab_core.surrogates.models import model
+    from spab_core.surrogates.models import floored, model
     from spab_core.surrogates.uncertainty import STEPS, save_intervals, uncertain_map
 
     set_total(STEPS)
     asked = (
-        load_reference_map(),
+        floored(load_reference_map(), parameters["floor"]),
         model(parameters["model"]),
         parameters["divisor"],
         parameters["seed"],
@@ -387,9 +570,15 @@ def _run_intervals(folder: Path, parameters: Values, advance: Advance, set_total
 
 KINDS = {
     "bifurcation": JobKind("Bifurcation line", _BifurcationRequest, _run_bifurcation, resumes=True),
-    "point": JobKind("Operating point", _PointRequest, _run_point),
+    "point": JobKind("Operating point", _PointRequest, _run_point, short=True),
     "map": JobKind("Map of a bearing", _MapRequest, _run_map, grows=True, resumes=True),
     "sensitivity": JobKind("What if", _SensitivityRequest, _run_sensitivity, "result.json"),
+    "tolerance": JobKind(
+        "Tolerances", _ToleranceRequest, _run_tolerance, "result.json", resumes=True
+    ),
+    "improve": JobKind(
+        "Better drawing", _ImproveRequest, _run_improve, "result.json", resumes=True
+    ),
     "ranking": JobKind("Ranking on own data", _RankingRequest, _run_ranking, "result.csv"),
-    "intervals": JobKind("Intervals of a surrogate", _IntervalsRequest, _run_intervals),
+    "intervals": JobKind("Intervals of a surrogate", _IntervalsRequest, _run_intervals, short=True),
 }

@@ -39,6 +39,8 @@ STATES = ("queued", "running", "cancelled", "failed", "done")
 ACTIVE = ("queued", "running")
 STOPPED = "the worker was stopped"
 _ID = re.compile(r"[a-z][a-z0-9-]{0,30}-[0-9a-f]{16}")
+NAME_LENGTH = 60  # characters
+_NAME = "name.txt"  # in a job's folder
 _MAX_BYTES = 1_000_000  # of a job.json
 _START_SECONDS = 120.0  # for a worker to show up, on a busy machine
 CANCEL_SECONDS = 10.0  # for a worker to end
@@ -87,13 +89,15 @@ class Job:
     created, started, finished : float
         Seconds since 1970; the latter two are None until then. ``started`` is the last start.
     message : str
-        What went wrong, or what the job waits for.
+        What went wrong, what the job waits for, or what it is doing.
     folder : Path
         Holds the kind's result once ``state`` is done.
     size : int
         Bytes on disk.
     seconds_left : float or None
         Estimated from the pace so far.
+    name : str
+        What the user calls it (:func:`rename`); "" for nothing.
     """
 
     id: str
@@ -109,6 +113,7 @@ class Job:
     finished: float | None = None
     message: str = ""
     seconds_left: float | None = None
+    name: str = ""
 
     @property
     def active(self) -> bool:
@@ -240,7 +245,21 @@ def _job(folder: Path, data: dict[str, Any]) -> Job:
         if pace > 0.0:  # the clock may have been set back
             left = max(pace * (data["total"] - data["done"]), 0.0)
     shown = {name: data[name] for name in _FIELDS if name not in ("kept", "queued", "pid")}
-    return Job(id=folder.name, folder=folder, size=_size(folder), seconds_left=left, **shown)
+    return Job(
+        id=folder.name,
+        folder=folder,
+        size=_size(folder),
+        seconds_left=left,
+        name=_name(folder),
+        **shown,
+    )
+
+
+def _name(folder: Path) -> str:
+    try:
+        return " ".join(own_bytes(folder / _NAME, 10 * NAME_LENGTH).decode().split())
+    except (OSError, ValueError):
+        return ""  # it has none, or none that can be read
 
 
 def _size(folder: Path) -> int:
@@ -284,6 +303,48 @@ def list_jobs() -> list[Job]:
                 )
             )
     return sorted(found, key=lambda job: (-job.created, job.id))
+
+
+def active_jobs() -> list[Job]:
+    """Return the jobs that are queued or running, the first started first; damaged ones are left
+    out.
+    """
+    found = []
+    for folder in job_folders(jobs_folder()):
+        with contextlib.suppress(JobError):
+            data = read_state(folder)
+            if data and data["state"] in ACTIVE:
+                found.append(_job(folder, data))
+    return sorted((job for job in found if job.active), key=lambda job: (job.created, job.id))
+
+
+def rename(name: str, title: str) -> None:
+    """Give a job a name of the user's, "" to take it away.
+
+    Parameters
+    ----------
+    name : str
+        The job's id.
+    title : str
+        At most :data:`NAME_LENGTH` characters.
+
+    Raises
+    ------
+    JobError
+        For a bad id, an unknown job, a name that is too long or cannot be written.
+    """
+    folder, title = _folder(name), " ".join(title.split())
+    if len(title) > NAME_LENGTH:
+        raise JobError(f"a job's name has at most {NAME_LENGTH} characters, not {len(title)}")
+    if not folder.is_dir() or folder.is_symlink():
+        raise JobError(f"there is no job {name}")
+    try:
+        if title:
+            write_atomically(folder / _NAME, title.encode())
+        else:
+            (folder / _NAME).unlink(missing_ok=True)
+    except OSError as error:
+        raise JobError(f"job {name} cannot be renamed: {error.strerror or error}") from None
 
 
 def job_folders(root: Path) -> Iterator[Path]:

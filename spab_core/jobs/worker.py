@@ -50,9 +50,13 @@ class _Report:
                 self.written = time.monotonic()
                 write_state(self.folder, self.data)
 
-    def advance(self, count: int) -> None:
-        """Add to the work done; write job.json at most a few times a second."""
+    def advance(self, count: int, doing: str = "") -> None:
+        """Add to the work done and say what is done now; write job.json at most a few times a
+        second.
+        """
         self.data["done"] += int(count)
+        if doing:
+            self.data["message"] = doing
         if time.monotonic() - self.written > _WRITE_SECONDS:
             self.write()
 
@@ -91,9 +95,9 @@ class _Report:
 
 @contextlib.contextmanager
 def _turn(report: _Report) -> Iterator[None]:
-    """Wait until no other job runs and no job queued earlier is waiting."""
-    root = report.folder.parent
-    lock = FileLock(root / ".running.lock", timeout=0)
+    """Wait until no other job of the lane runs and no job queued earlier is waiting for it."""
+    root, short = report.folder.parent, KINDS[report.data["kind"]].short
+    lock = FileLock(root / (".short.lock" if short else ".running.lock"), timeout=0)
     while True:
         with contextlib.suppress(Timeout):
             lock.acquire()
@@ -101,12 +105,26 @@ def _turn(report: _Report) -> Iterator[None]:
                 break
             lock.release()
         if not report.data["message"]:
-            report.write(message="waiting for another job to end")
+            names = [KINDS[kind].label.lower() for kind in _running(report)]
+            report.write(message=f"waiting for {names[0] if names else 'another job'} to end")
         time.sleep(_LOOK_SECONDS)
     try:
         yield
     finally:
         lock.release()
+
+
+def _running(report: _Report) -> Iterator[str]:
+    """Yield the kinds of the jobs at work in the lane of this one."""
+    for folder in job_folders(report.folder.parent):
+        with contextlib.suppress(JobError):
+            data = read_state(folder)
+            if data and data["state"] == "running" and _same_lane(data, report):
+                yield data["kind"]
+
+
+def _same_lane(data: dict[str, Any], report: _Report) -> bool:
+    return KINDS[data["kind"]].short == KINDS[report.data["kind"]].short
 
 
 def _waits(folder: Path, report: _Report) -> bool:
@@ -118,6 +136,7 @@ def _waits(folder: Path, report: _Report) -> bool:
         if (
             data
             and data["state"] == "queued"
+            and _same_lane(data, report)
             and (data["queued"], folder.name) < (report.data["queued"], report.folder.name)
         ):
             return bool(state_now(folder, data)["state"] == "queued")

@@ -15,6 +15,7 @@ very eigenvalue, frequency and decay."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -31,10 +32,13 @@ from spab_core.solver.film import AUTO, Mesh
 
 WHIRL_RANGE = (0.0, 1000.0)  # whirl frequency over the shaft speed
 FILM_WHIRL = "film-whirl"  # in place of a whirl ratio: that of the film's whirl at each speed
-FREQUENCIES = 61  # of a table over speed and frequency
+FREQUENCIES = 121  # of a table over speed and frequency
 # such a table begins at this share of the lowest speed, beside 0, and ends so far over twice the
 # highest speed and over the modes with a damping ratio under 0.3
 _LOWEST, _MARGIN, _LIGHTLY_DAMPED = 0.1, 1.25, 0.3
+# relative, in frequency: two modes with growth rates of their own are at least so far apart, and
+# each rate holds so far about its mode
+_APART, _FLAT = 0.02, 0.15
 NAMES = tuple(
     f"{kind}{i}{j}" for kind in "kc" for i in "xy" for j in "xy"
 )  # the order of ROSS and of tables here
@@ -106,7 +110,9 @@ def _join(
 
 @one_thread
 def coefficients(
-    at: Impedance, whirl_ratios: Sequence[float] | np.ndarray, growth: float = 0.0
+    at: Impedance,
+    whirl_ratios: Sequence[float] | np.ndarray,
+    growth: float | np.ndarray = 0.0,
 ) -> Coefficients:
     """Stiffness and damping at whirl frequencies.
 
@@ -115,7 +121,7 @@ def coefficients(
     at : Impedance
     whirl_ratios : sequence of float
         Frequencies over the shaft speed; 0 is the limit of a slow whirl.
-    growth : float
+    growth : float, or ndarray with one for each ratio
         Growth rate of the whirl per unit tau, negative if it decays; 0: steady.
 
     Raises
@@ -124,13 +130,15 @@ def coefficients(
         For a ratio out of :data:`WHIRL_RANGE`.
     """
     ratios = np.array([check_number("whirl ratio", float(v), *WHIRL_RANGE) for v in whirl_ratios])
-    pairs = np.array([at.coefficients(complex(growth, v)) for v in ratios]).reshape(-1, 2, 2, 2)
+    rates = np.broadcast_to(np.asarray(growth, dtype=float), ratios.shape)
+    roots = (complex(rate, v) for rate, v in zip(rates, ratios, strict=True))
+    pairs = np.array([at.coefficients(root) for root in roots]).reshape(-1, 2, 2, 2)
     speed, unit = at.design.speed(at.bearing_number), at.design.stiffness_unit
     return Coefficients(
         "frequency",
         np.full(len(ratios), speed),
         ratios * speed,
-        np.full(len(ratios), growth * speed),
+        rates * speed,
         pairs[:, 0] * unit,
         pairs[:, 1] * unit / speed,
         np.full(len(ratios), at.contact_load_share),
@@ -218,11 +226,11 @@ def coefficients_over_speed_and_frequency(
 ) -> Coefficients:
     """Stiffness and damping against shaft speed and whirl frequency, rotor mass held: a grid.
 
-    At each speed every whirl decays, or grows, as fast as the film's whirl does there
-    (:func:`~spab_core.linear_theory.film_whirl.follow_film_whirl`). A program that takes K and C of
-    this table at a mode's own frequency finds the film's whirl as film and rotor together have it.
-    With K and C of steady whirls in its place it would miss a tenth of the logarithmic decrement
-    and more (docs/my_bearing.md).
+    At each speed a whirl decays, or grows, as fast as the rotor's own mode of that frequency does
+    there, in between as the line between the modes tells (:func:`_growth_at`). A program that takes
+    K and C of this table at a mode's own frequency finds that mode as film and rotor together have
+    it. With K and C of steady whirls in its place it would miss a tenth of the logarithmic
+    decrement and more (docs/my_bearing.md).
 
     Parameters
     ----------
@@ -254,16 +262,40 @@ def coefficients_over_speed_and_frequency(
         low, high = _LOWEST * min(speeds), _MARGIN * max(2.0 * max(speeds), *modes)
         frequencies = np.concatenate([[0.0], np.geomspace(low, high, FREQUENCIES - 1)])
     axis = np.asarray(frequencies, dtype=float)
-    rows = [
-        coefficients(z, axis / design.speed(z.bearing_number), mode.root.real)
-        for z, _, mode in found
-    ]
+    rows = []
+    for z, every, mode in found:
+        ratios = axis / design.speed(z.bearing_number)
+        rows.append(coefficients(z, ratios, _growth_at(ratios, every, mode)))
     return _join(
         "speed and frequency",
         [replace(part, whirl_frequency=axis) for part in rows],  # the same to the last bit
         [mode for _, _, mode in found for _ in axis],
         _missing(design, bearing_numbers, followed),
     )
+
+
+def _growth_at(ratios: np.ndarray, modes: Sequence[Mode], followed: Mode) -> np.ndarray:
+    """Return the growth rate per unit tau at whirl ratios: that of each lightly damped mode about
+    its own frequency, flat over two rows of a usual table if there is room, so that what reads
+    between the rows finds it; linear in between, the outermost beyond.
+
+    Of two modes of all but one frequency the film's whirl, or else the less damped, keeps its own.
+    """
+    kept = [followed.root]
+    for mode in sorted(modes, key=lambda m: m.log_decrement):
+        root = mode.root
+        apart = min(abs(root.imag - other.imag) for other in kept)
+        if abs(root.real) < _LIGHTLY_DAMPED * abs(root) and apart > _APART * root.imag:
+            kept.append(root)
+    kept.sort(key=lambda root: root.imag)
+    at, rates = [kept[0].imag], [kept[0].real]
+    for low, high in itertools.pairwise(kept):
+        gap = high.imag - low.imag
+        for root, side in ((low, 1.0), (high, -1.0)):
+            room = gap * (0.7 if root == followed.root else 0.25)
+            at.append(root.imag + side * min(_FLAT * root.imag, room))
+        rates += [low.real, high.real]
+    return np.asarray(np.interp(ratios, at, rates))
 
 
 def _missing(

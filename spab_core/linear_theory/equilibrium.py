@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import brentq
 
 from spab_core.common.errors import InputError
+from spab_core.common.threads import one_thread
 from spab_core.design.model import Design
-from spab_core.solver.film import AUTO, Mesh, film_size, suitable_mesh
+from spab_core.solver.film import (
+    AUTO,
+    Mesh,
+    axial_force,
+    film_array,
+    film_size,
+    gas_size,
+    suitable_mesh,
+    thickness,
+    with_wall,
+)
 from spab_core.solver.rotor import CENTRE
 from spab_core.solver.slope import slope_and_jacobian
 from spab_core.solver.system import System, build_system
@@ -17,6 +30,9 @@ from spab_core.solver.system import System, build_system
 LIFTED = 0.1  # largest share of the weight that the wall carries under a rotor that has lifted off
 AZIMUTHS = 32  # of a mesh that is not asked for: they cost little at rest
 _NEWTON_STEPS = 60
+# the axial stop: how far the gap at the edge may close; steps on the way there
+CLOSED, AXIAL_STEPS = 0.95, 20
+_SMALL = 1e-4  # of the clearance, for the axial stiffness
 
 
 @dataclass(frozen=True)
@@ -38,17 +54,140 @@ class Equilibrium:
     state: np.ndarray
 
 
+class AxialStopError(InputError):
+    """The film does not carry the axial load.
+
+    Attributes
+    ----------
+    capacity : float
+        The largest axial force that was found, N.
+    """
+
+    def __init__(self, load: float, capacity: float) -> None:
+        super().__init__(
+            f"at its axial stop: the film carries at most {capacity:.4g} N along the axis under "
+            f"this radial load, rotor.axial_load is {load:g} N"
+        )
+        self.capacity = capacity
+
+
 def dense_system(
-    design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = AUTO
+    design: Design,
+    rotor_mass: float,
+    bearing_number: float,
+    mesh: Mesh = AUTO,
+    axial_offset: float | None = None,
 ) -> System:
-    """Build the system without unbalance, whose Jacobian may be dense."""
+    """Build the system without unbalance, whose Jacobian may be dense.
+
+    Parameters
+    ----------
+    axial_offset : float, optional
+        Over C; left out: that of the static equilibrium of a design with an axial load, and half
+        the band of one without.
+
+    Raises
+    ------
+    AxialStopError
+        Where that equilibrium does not exist.
+    """
+    if axial_offset is None:
+        axial_offset = axial_position(design, rotor_mass, bearing_number)
     if mesh == AUTO:
         mesh = suitable_mesh(design, AZIMUTHS)
-    return build_system(design, rotor_mass, bearing_number, mesh).without_unbalance()
+    return build_system(design, rotor_mass, bearing_number, mesh, axial_offset).without_unbalance()
+
+
+def running_system(
+    design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = AUTO
+) -> System:
+    """Build the system that is integrated in time, the journal held at its static axial position.
+
+    Raises
+    ------
+    AxialStopError
+        Where there is none.
+    """
+    offset = axial_position(design, rotor_mass, bearing_number)
+    return build_system(design, rotor_mass, bearing_number, mesh, offset)
+
+
+@functools.lru_cache(maxsize=4096)
+@one_thread
+def axial_position(design: Design, rotor_mass: float, bearing_number: float) -> float | None:
+    """Static axial displacement over C under the design's axial load, the journal at rest under
+    gravity; None without such a load.
+
+    From the middle outwards in steps, then by bracketing; at each step the radial equilibrium.
+
+    Raises
+    ------
+    AxialStopError
+        Where the film does not carry the load before the gap at the edge is down to a twentieth,
+        or the journal does not rest on its film any more.
+    """
+    if not design.rotor.axial_load:
+        return None
+    load = design.axial_load_number
+    end = math.copysign(CLOSED / math.sin(design.bearing.edge), load)
+    state: np.ndarray | None = None
+
+    def missing(offset: float) -> float:
+        nonlocal state
+        system = dense_system(
+            design, rotor_mass, bearing_number, axial_offset=offset
+        ).without_storage()
+        found = find_equilibrium(system, state) if state is not None else None
+        found = found or find_equilibrium(system)
+        if found is None:
+            raise AxialStopError(design.rotor.axial_load, held * design.force_unit)
+        state = found.state
+        n = film_size(system.film)
+        force = axial_force(system.film, film_array(system.film, state), *state[n : n + 2])
+        return force + load
+
+    held, before = 0.0, 0.0
+    for offset in np.linspace(0.0, end, AXIAL_STEPS + 1)[1:]:
+        rest = missing(float(offset))
+        if rest * load <= 0.0:
+            found = brentq(missing, before, float(offset), xtol=1e-11, rtol=1e-11)
+            return float(found)
+        held, before = max(held, abs(load - rest)), float(offset)
+    raise AxialStopError(design.rotor.axial_load, held * design.force_unit)
+
+
+@one_thread
+def axial_stiffness(
+    design: Design,
+    bearing_number: float,
+    x: float = 0.0,
+    y: float = 0.0,
+    offset: float = 0.0,
+    mesh: Mesh = AUTO,
+) -> float:
+    """Static axial stiffness -dF_z/dZ over p_a R² per clearance of a sphere's film, the journal
+    held at (x, y) radially and about ``offset`` along the axis, all over C.
+
+    By central differences of the steady film's force.
+    """
+    forces = []
+    for side in (-1.0, 1.0):
+        system = dense_system(
+            design, 1.0, bearing_number, mesh, offset + side * _SMALL
+        ).without_storage()
+        n = film_size(system.film)
+        start = np.zeros(system.size)
+        start[n : n + 2] = x, y
+        start[:n] = thickness(system.film, x, y).ravel()
+        state = steady_film(system, start)
+        if state is None:
+            raise InputError("no steady film was found beside the axial position; try a finer mesh")
+        forces.append(axial_force(system.film, film_array(system.film, state), x, y))
+    return (forces[0] - forces[1]) / (2.0 * _SMALL)
 
 
 def concentric_state(system: System) -> np.ndarray:
-    """Return the state of the centred, unloaded journal, its film steady: Newton's method from
+    """Return the state of the centred, unloaded journal, film and wall steady: Newton's method from
     P = 1.
 
     Raises
@@ -56,18 +195,33 @@ def concentric_state(system: System) -> np.ndarray:
     InputError
         Where it does not converge.
     """
-    state, cells = np.zeros(system.size), np.arange(film_size(system.film))
-    state[: film_size(system.film)] = 1.0
+    if system.film.depth:  # pores store nothing of what does not change
+        return with_wall(system.film, concentric_state(system.without_storage()))
+    state = np.zeros(system.size)
+    state[: film_size(system.film)] = np.repeat(system.film.base, system.film.columns)
+    found = steady_film(system, state)
+    if found is None:
+        raise InputError("no steady film of the centred journal was found; try a finer mesh")
+    return found
+
+
+def steady_film(system: System, state: np.ndarray) -> np.ndarray | None:
+    """Return a state with its film steady, the journal held where it is: Newton's method on the
+    film; None where it does not converge.
+    """
+    state, cells = state.copy(), np.arange(film_size(system.film))
     for _ in range(_NEWTON_STEPS):
         value, jacobian = slope_and_jacobian(system, state, cells)
         step = np.linalg.solve(jacobian[cells], value[cells])
         fraction = 1.0
         while (state[cells] - fraction * step).min() <= 0.0:
             fraction *= 0.5
+            if fraction < 1e-6:
+                return None
         state[cells] -= fraction * step
         if np.abs(step).max() < 1e-12:
             return state
-    raise InputError("no steady film of the centred journal was found; try a finer mesh")
+    return None
 
 
 def concentric_stiffness(
@@ -88,7 +242,8 @@ def concentric_stiffness(
         Over p_a R² per clearance; times ``design.stiffness_unit`` in N/m. K_yy = K_xx, K_yx = -K_xy
         by symmetry.
     """
-    system = dense_system(design.replace(rotor__gravity=0.0), 1.0, bearing_number, mesh)
+    weightless = design.replace(rotor__gravity=0.0)
+    system = dense_system(weightless, 1.0, bearing_number, mesh).without_storage()
     rotor = system.rotor._replace(contact_force=0.0)
     system = system._replace(rotor=rotor)
     state = concentric_state(system)
@@ -128,11 +283,20 @@ def static_equilibrium(
     Equilibrium or None
         None where no equilibrium was found.
     """
-    return find_equilibrium(dense_system(design, rotor_mass, bearing_number, mesh), guess)
+    try:
+        system = dense_system(design, rotor_mass, bearing_number, mesh)
+    except AxialStopError:
+        return None
+    return find_equilibrium(system, guess)
 
 
 def find_equilibrium(system: System, guess: np.ndarray | None = None) -> Equilibrium | None:
     """:func:`static_equilibrium` of a system without unbalance."""
+    if system.film.depth:
+        if guess is not None and len(guess) == system.size:
+            guess = np.delete(guess, np.s_[film_size(system.film) : gas_size(system.film)])
+        quiet = find_equilibrium(system.without_storage(), guess)
+        return quiet and replace(quiet, state=with_wall(system.film, quiet.state))
     rotor, n = system.rotor, film_size(system.film)
 
     def loaded(share: float) -> System:
@@ -160,7 +324,9 @@ def find_equilibrium(system: System, guess: np.ndarray | None = None) -> Equilib
     return Equilibrium(math.hypot(x, y), math.degrees(math.atan2(x, -y)), state)
 
 
-def contact_load_share(design: Design, rotor_mass: float, eccentricity: float) -> float:
+def contact_load_share(
+    design: Design, rotor_mass: float, eccentricity: float, room: float = 1.0
+) -> float:
     """Share of the weight that the asperities carry where the journal rests.
 
     Parameters
@@ -170,6 +336,9 @@ def contact_load_share(design: Design, rotor_mass: float, eccentricity: float) -
         kg on one bearing.
     eccentricity : float
         Of the static equilibrium, over C.
+    room : float
+        Eccentricity at which the journal would touch
+        (:func:`~spab_core.solver.film.radial_room`).
 
     Returns
     -------
@@ -179,7 +348,7 @@ def contact_load_share(design: Design, rotor_mass: float, eccentricity: float) -
     weight, contact = design.load_number(rotor_mass), design.contact
     if weight == 0.0 or eccentricity < CENTRE:
         return 0.0
-    force = contact.force_at_closure * math.exp(-(1.0 - eccentricity) / contact.roughness)
+    force = contact.force_at_closure * math.exp(-(room - eccentricity) / contact.roughness)
     return min(force / weight, 1.0)
 
 
@@ -197,7 +366,8 @@ def _newton(system: System, state: np.ndarray) -> np.ndarray | None:
         for _ in range(12):
             trial = state.copy()
             trial[unknowns] -= fraction * step
-            if math.hypot(trial[n], trial[n + 1]) < 0.9995 and trial[:n].min() > 0.0:
+            inside = math.hypot(trial[n], trial[n + 1]) < 0.9995 * system.film.room
+            if inside and trial[:n].min() > 0.0:
                 break
             fraction *= 0.5
         else:

@@ -5,13 +5,16 @@ s + E q. At the complex frequency p (per unit tau) the film states are eliminate
 
     F = -Z(p) q,   Z(p) = -E - p G - B (p I - A)^-1 D
 
-(a Schur complement). G is the damping of the asperities, zero where the journal is clear of the
-wall. A, B, D, E come from the compiled tangent of the very equations that are integrated in time,
-so the rotor on Z(p) has the eigenvalues of :func:`spab_core.linear_theory.whirl.linear_spectrum`.
+(a Schur complement; where the wall stores gas its columns are eliminated before, node by node,
+:class:`spab_core.linear_theory.spectrum.GasSystem`). G is the damping of the asperities, zero where
+the journal is clear of the wall. A, B, D, E come from the compiled tangent of the very equations
+that are integrated in time, so the rotor on Z(p) has the eigenvalues of
+:func:`spab_core.linear_theory.whirl.linear_spectrum`.
 """
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,12 +22,14 @@ import numpy as np
 from spab_core.common.threads import one_thread
 from spab_core.design.model import Design
 from spab_core.linear_theory.equilibrium import (
+    AxialStopError,
     Equilibrium,
     contact_load_share,
     dense_system,
     find_equilibrium,
 )
-from spab_core.solver.film import AUTO, Mesh, film_size
+from spab_core.linear_theory.spectrum import GasSystem
+from spab_core.solver.film import AUTO, Mesh, film_size, gas_size
 from spab_core.solver.slope import slope_and_jacobian
 from spab_core.solver.system import System
 
@@ -60,9 +65,19 @@ class Impedance:
     direct: np.ndarray
     wall_damping: np.ndarray
 
+    @functools.cached_property
+    def _gas(self) -> GasSystem:
+        return GasSystem(self.film, film_size(self.system.film))
+
+    def _answer(self, p: complex | float, right: np.ndarray) -> np.ndarray:
+        """Solve (p I - A) x = right."""
+        if self.system.film.depth:
+            return self._gas.solve(p, right)
+        return np.linalg.solve(p * np.eye(len(self.film)) - self.film, right)
+
     def at(self, p: complex | float) -> np.ndarray:
         """Z(p) (2, 2) over p_a R² / C at the complex frequency p per unit tau; force: -Z q."""
-        states = np.linalg.solve(p * np.eye(len(self.film)) - self.film, self.drive)
+        states = self._answer(p, self.drive)
         return np.asarray(-self.direct - p * self.wall_damping - self.pickup @ states)
 
     def coefficients(self, p: complex) -> tuple[np.ndarray, np.ndarray]:
@@ -76,15 +91,19 @@ class Impedance:
         if p.imag:
             damping = z.imag / p.imag
         else:
-            shifted = p.real * np.eye(len(self.film)) - self.film
-            twice = np.linalg.solve(shifted, np.linalg.solve(shifted, self.drive))
+            twice = self._answer(p.real, self._answer(p.real, self.drive))
             damping = self.pickup @ twice - self.wall_damping
         return np.asarray(z.real - p.real * damping), np.asarray(damping)
 
     @property
     def contact_load_share(self) -> float:
         """Share of the weight that the asperities carry at rest."""
-        return contact_load_share(self.design, self.rotor_mass, self.equilibrium.eccentricity)
+        return contact_load_share(
+            self.design,
+            self.rotor_mass,
+            self.equilibrium.eccentricity,
+            self.system.film.room,
+        )
 
     def characteristic(self, p: complex) -> complex:
         """Determinant of the rotor on Z(p): zero at the eigenvalues of the whole linearised system.
@@ -129,13 +148,16 @@ def impedance(
     Impedance or None
         None where no equilibrium was found.
     """
-    system = dense_system(design, rotor_mass, bearing_number, mesh)
+    try:
+        system = dense_system(design, rotor_mass, bearing_number, mesh)
+    except AxialStopError:
+        return None
     equilibrium = find_equilibrium(system, guess)
     if equilibrium is None and guess is not None:
         equilibrium = find_equilibrium(system)
     if equilibrium is None:
         return None
-    rotor, n = system.rotor, film_size(system.film)
+    rotor, n = system.rotor, gas_size(system.film)
     journal = n + np.array([0, 1, 4, 5])
     _, jacobian = slope_and_jacobian(
         system, equilibrium.state, np.concatenate([np.arange(n), journal])

@@ -33,6 +33,7 @@ Plane = tuple[
     tuple[float, float], tuple[float, float]
 ]  # ends of the bearing number, of the rotor mass in kg
 MESH = Mesh(3, 32)  # twice the azimuths of the map: rest may be near the wall
+MESH_STORING = Mesh(3, 16)  # where the wall stores gas: a node of it costs ten times as much
 NODES = (64, 50)  # bearing numbers, rotor masses
 PLANE: Plane = ((0.05, 8.5), (0.1, 25.0))  # the map's, of the shipped table
 SHIPPED = "spab60_linear.npz"  # beside the reference design
@@ -119,7 +120,8 @@ def linear_table(
     nodes: tuple[int, int] = NODES,
     progress: Callable[[int], None] | None = None,
 ) -> LinearTable:
-    """Tabulate linear stability; about half a minute for the usual number of nodes.
+    """Tabulate linear stability; about half a minute for the usual number of nodes, two minutes
+    where the wall stores gas.
 
     Parameters
     ----------
@@ -137,13 +139,14 @@ def linear_table(
         Where the design has no static equilibrium anywhere in the plane.
     """
     number, mass = np.geomspace(*plane[0], nodes[0]), np.linspace(*plane[1], nodes[1])
+    mesh = MESH_STORING if design.bearing.stores_gas else MESH
     values = np.full((*nodes, len(COLUMNS)), np.nan)
     for i, b in enumerate(number):
         guess = None
         for j, kg in enumerate(mass):  # along the mass each equilibrium starts from its neighbour's
-            found = linear_spectrum(design, float(kg), float(b), MESH, guess)
+            found = linear_spectrum(design, float(kg), float(b), mesh, guess)
             if found is None and guess is not None:
-                found = linear_spectrum(design, float(kg), float(b), MESH)
+                found = linear_spectrum(design, float(kg), float(b), mesh)
             if found is not None:
                 leading, guess = found[0][0], found[1].state
                 values[i, j] = (

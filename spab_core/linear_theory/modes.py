@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from spab_core.solver.film import film_size
+from spab_core.linear_theory.spectrum import leading_eigenpairs
+from spab_core.solver.film import gas_size
 from spab_core.solver.slope import slope_and_jacobian
 from spab_core.solver.system import System
 
@@ -86,7 +87,8 @@ class Mode:
 
 
 def rotor_modes(system: System, state: np.ndarray) -> list[Mode]:
-    """Find all vibrations of film and rotor, the least stable first.
+    """Find all vibrations of film and rotor, the least stable first; where the wall stores gas
+    those with a damping ratio under 0.7, since flows in the wall hardly swing.
 
     Parameters
     ----------
@@ -95,15 +97,21 @@ def rotor_modes(system: System, state: np.ndarray) -> list[Mode]:
     state : ndarray
         Its static equilibrium.
     """
-    unknowns, n = system.unknowns, film_size(system.film)
-    _, jacobian = slope_and_jacobian(system, state, unknowns)
-    values, vectors = np.linalg.eig(jacobian[unknowns])
+    unknowns, n = system.unknowns, gas_size(system.film)
+    if system.film.depth:
+        values, vectors = leading_eigenpairs(system, state)
+    else:
+        _, jacobian = slope_and_jacobian(system, state, unknowns)
+        values, vectors = np.linalg.eig(jacobian[unknowns])
     journal = vectors[n : n + 2]
     disc = journal if system.rotor.rigid else vectors[n + 2 : n + 4]
     shapes = np.concatenate([journal, disc])
     x, y = shapes[::2], shapes[1::2]
     # with the rotation, from X to Y, the motion along Y follows a quarter of a turn later
     forward = (np.abs(x + 1j * y) ** 2).sum(0) > (np.abs(x - 1j * y) ** 2).sum(0)
+    slowest = np.full(len(values), SLOWEST_WHIRL)
+    if system.film.depth:
+        slowest = np.maximum(slowest, -values.real)
     return [
         Mode(
             float(values[k].imag),
@@ -112,7 +120,7 @@ def rotor_modes(system: System, state: np.ndarray) -> list[Mode]:
             shapes[:, k] / np.linalg.norm(shapes[:, k]),
         )
         for k in np.argsort(-values.real)
-        if values[k].imag > SLOWEST_WHIRL and np.any(shapes[:, k])
+        if values[k].imag > slowest[k] and np.any(shapes[:, k])
     ]
 
 

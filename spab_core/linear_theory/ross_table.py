@@ -18,6 +18,7 @@ import pandas as pd
 from spab_core.common.errors import InputError
 from spab_core.common.files import check_output, csv_bytes, write_atomically
 from spab_core.common.units import to_rpm
+from spab_core.common.words import count
 from spab_core.linear_theory.coefficients import NAMES, Coefficients
 from spab_core.linear_theory.equilibrium import LIFTED
 from spab_core.linear_theory.modes import FILM_MODE
@@ -82,9 +83,9 @@ def coefficient_notes(found: Coefficients) -> list[str]:
         ]
     else:
         purpose = [
-            "At each speed every frequency has the growth rate of the mode named there (mode, "
-            "mode_whirl_ratio, log_decrement). For modes at their own frequency: in ROSS "
-            "run_modal(speed, matched_whirl=True).",
+            "At each speed and frequency the growth rate is that of the rotor's own mode of that "
+            "frequency; the film's whirl is named (mode, mode_whirl_ratio, log_decrement). For "
+            "modes at their own frequency: in ROSS run_modal(speed, matched_whirl=True).",
             _BELONGS,
         ]
     return [CONVENTION, _UNITS, *purpose, *coefficient_warnings(found)]
@@ -97,7 +98,7 @@ def coefficient_warnings(found: Coefficients) -> list[str]:
     if share.max() > LIFTED:
         speeds = np.unique(to_rpm(found.speed[share > LIFTED]))
         warnings.append(
-            f"Not lifted off at {len(speeds)} of {len(np.unique(found.speed))} speeds "
+            f"Not lifted off at {len(speeds)} of {count(len(np.unique(found.speed)), 'speed')} "
             f"({speeds.min():,.0f} to {speeds.max():,.0f} rpm): the wall carries up to "
             f"{share.max():.0%} of the weight, so the coefficients there are those of its "
             "asperities, not of a gas film."
@@ -105,8 +106,8 @@ def coefficient_warnings(found: Coefficients) -> list[str]:
     if found.missing:
         missing = to_rpm(np.array(found.missing))
         warnings.append(
-            f"{len(missing)} speeds left out ({missing.min():,.0f} to {missing.max():,.0f} rpm), "
-            "which have no static equilibrium."
+            f"{count(len(missing), 'speed')} left out ({missing.min():,.0f} to "
+            f"{missing.max():,.0f} rpm), which have no static equilibrium."
         )
     if "speed" in found.axis and len(np.unique(found.speed)) < LEAST_POINTS:
         warnings.append(

@@ -15,16 +15,39 @@ from spab_core.common.threads import one_thread
 from spab_core.design.form import grade_of_eccentricity
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
+from spab_core.linear_theory.assumptions import (
+    AIR_CONSTANT,
+    TEMPERATURE,
+    Assumption,
+    assumptions,
+)
 from spab_core.linear_theory.coefficients import Coefficients, coefficients
-from spab_core.linear_theory.equilibrium import LIFTED, contact_load_share
-from spab_core.linear_theory.impedance import impedance
+from spab_core.linear_theory.conical import conical_modes
+from spab_core.linear_theory.equilibrium import (
+    LIFTED,
+    AxialStopError,
+    axial_position,
+    axial_stiffness,
+)
+from spab_core.linear_theory.impedance import Impedance, impedance
 from spab_core.linear_theory.modes import Mode, lightly_damped, rotor_modes
-from spab_core.solver.film import AUTO, Film, Mesh, film_array, film_fluxes, gas_content
+from spab_core.solver.film import (
+    AUTO,
+    Film,
+    Mesh,
+    film_array,
+    film_fluxes,
+    film_size,
+    gas_array,
+    gas_content,
+    gas_size,
+    least_gap,
+    pore_content,
+)
 
 NO_EQUILIBRIUM = "no static equilibrium: the film does not carry this rotor at this speed"
-# of dry air at 20 °C, whose mass flow is told: J/(kg K) and K
-AIR_CONSTANT = 287.05
-TEMPERATURE = 293.15
+# share of its damping that a whirl loses to the pores' gas before that is told
+LESS_DAMPED = 0.02
 # of normal litres, as in DIN 1343: Pa and K
 NORMAL_PRESSURE = 101325.0
 NORMAL_TEMPERATURE = 273.15
@@ -98,7 +121,8 @@ class Derived:
     eccentricity : float or None
         Static, over C.
     attitude_angle : float or None
-        deg, from the load to the journal's displacement, positive with the rotation.
+        deg, from the load to the journal's displacement, positive with the rotation; None without
+        a load.
     least_film : float or None
         C (1 - e), the thinnest film at rest on the film, m.
     contact_load_share : float or None
@@ -110,6 +134,28 @@ class Derived:
         None too where nothing oscillates.
     modes : tuple of Mode
         Lightly damped vibrations, the least damped first.
+    axial_offset : float
+        Static axial displacement over C, along +z; 0 without an axial load.
+    axial_stiffness : float or None
+        N/m, static, at that position, the journal held radially; None of a cylinder, which has
+        none.
+    conical : Whirl or None
+        The least stable whirl of the family that tilts
+        (:mod:`spab_core.linear_theory.conical`); None for a design without inertias.
+    conical_modes : tuple of Mode
+        Of that family, as ``modes``.
+    assumptions : tuple of Assumption
+        What the theory assumes, in numbers.
+    sigma_wall : float
+        Storage number of the wall; 0 where it stores no gas (docs/model.md).
+    pore_gas_ratio : float or None
+        Gas in the pores over that in the film.
+    penetration_depth : float or None
+        Depth in the wall at which a pressure wave of the whirl's frequency is down to 1/e, m; at
+        half the speed where nothing whirls. None where the wall stores no gas.
+    quiet_growth : float or None
+        What :attr:`whirl` would grow by, were the wall quasi-steady; None where it is, or where
+        nothing would oscillate.
     """
 
     rotor_mass: float
@@ -132,12 +178,29 @@ class Derived:
     coefficients: Coefficients | None = None
     whirl: Whirl | None = None
     modes: tuple[Mode, ...] = ()
+    axial_offset: float = 0.0
+    axial_stiffness: float | None = None
+    conical: Whirl | None = None
+    conical_modes: tuple[Mode, ...] = ()
+    assumptions: tuple[Assumption, ...] = ()
+    sigma_wall: float = 0.0
+    pore_gas_ratio: float | None = None
+    penetration_depth: float | None = None
+    quiet_growth: float | None = None
+
+    @property
+    def leading(self) -> tuple[str, Whirl] | None:
+        """The less stable of both families and what to call it: a whirl, or a conical whirl."""
+        families = (("whirl", self.whirl), ("conical whirl", self.conical))
+        found = [(name, whirl) for name, whirl in families if whirl]
+        return max(found, key=lambda item: item[1].growth, default=None)
 
     def record(self) -> dict[str, Any]:
         """The answer as plain values, named with their units; the keys are those of ``spab design
         show --json``.
         """
         flow, whirl, c = self.gas_flow, self.whirl, self.coefficients
+        conical = self.conical
         rigid = math.isinf(self.shaft_stiffness_number)
         return {
             "rotor_mass_kg": self.rotor_mass,
@@ -167,24 +230,67 @@ class Derived:
             "whirl_rpm": whirl.speed_rpm if whirl else None,
             "whirl_growth_per_revolution": whirl.growth if whirl else None,
             "modes": [mode.record() for mode in self.modes],
-        }
+            "axial_offset": self.axial_offset,
+            "axial_stiffness_n_per_m": self.axial_stiffness,
+            "sigma_wall": self.sigma_wall,
+            "pore_gas_over_film_gas": self.pore_gas_ratio,
+            "penetration_depth_m": self.penetration_depth,
+            "whirl_growth_quasi_steady_per_revolution": self.quiet_growth,
+            "assumptions": [one.record() for one in self.assumptions],
+        } | (
+            {
+                "conical_whirl_ratio": conical.ratio,
+                "conical_whirl_rpm": conical.speed_rpm,
+                "conical_whirl_growth_per_revolution": conical.growth,
+                "conical_modes": [mode.record() for mode in self.conical_modes],
+            }
+            if conical
+            else {}
+        )
 
     def verdict(self) -> str:
-        """Return what the rotor does at rest on its film, without unbalance, in a sentence."""
+        """Return what the rotor does at rest on its film, without unbalance, and which assumptions
+        of that do not hold.
+        """
+        return " ".join([self._rest_words(), *filter(None, [self.wall_words()]), *self.broken()])
+
+    def broken(self) -> list[str]:
+        """Return a sentence for each assumption that does not hold."""
+        return [f"Outside the theory: {one.words}." for one in self.assumptions if not one.holds]
+
+    def wall_words(self) -> str:
+        """Return a sentence where a quasi-steady wall would have been on the unsafe side."""
+        if self.whirl is None or self.quiet_growth is None:
+            return ""
+        quiet, found = self.quiet_growth, self.whirl.growth
+        if quiet < 0.0 <= found:
+            return (
+                "Taken as quasi-steady the wall would have made it look stable, the unsafe side: "
+                "the pores' gas drives this whirl (pneumatic hammer)."
+            )
+        if quiet < (1.0 + LESS_DAMPED) * found < 0.0:
+            return (
+                f"Taken as quasi-steady the wall would have damped it by {-quiet:.3g} per "
+                "revolution, the unsafe side: the pores' gas takes damping."
+            )
+        return ""
+
+    def _rest_words(self) -> str:
         if self.status != "ok":
             return f"{self.status[0].upper()}{self.status[1:]}."
         if self.lies_on_wall:
             return f"{self.lift_words().capitalize()}."
-        if self.whirl is None:
+        if self.leading is None:
             return "Stable at rest: every disturbance dies away without whirling."
-        rpm, growth = self.whirl.speed_rpm, abs(self.whirl.growth)
-        if self.whirl.stable:
+        name, whirl = self.leading
+        rpm, growth = whirl.speed_rpm, abs(whirl.growth)
+        if whirl.stable:
             return (
-                f"Stable at rest: the least stable whirl, {rpm:,.0f} a minute, decays by "
+                f"Stable at rest: the least stable {name}, {rpm:,.0f} a minute, decays by "
                 f"{growth:.3g} per revolution."
             )
         return (
-            f"Unstable at rest: a whirl of {rpm:,.0f} a minute grows by {growth:.3g} per "
+            f"Unstable at rest: a {name} of {rpm:,.0f} a minute grows by {growth:.3g} per "
             "revolution."
         )
 
@@ -204,7 +310,7 @@ def gas_flow(
     design: Design, bearing_number: float, film: Film, s: np.ndarray, x: float, y: float
 ) -> GasFlow:
     """Gas that the wall feeds and the edges lose: the Darcy source and the edge flux of the
-    discrete film, integrated.
+    discrete film, integrated; a wall that stores gas as steady flow leaves it.
 
     Parameters
     ----------
@@ -249,7 +355,10 @@ def derive(design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh 
     check_point(rotor_mass, bearing_number)
     speed, rotor = design.speed(bearing_number), design.rotor
     rpm = design.speed_rpm(bearing_number)
+    b = design.bearing
     found = Derived(
+        assumptions=assumptions(design, bearing_number),
+        sigma_wall=design.sigma_wall(bearing_number),
         rotor_mass=float(rotor_mass),
         speed=speed,
         speed_rpm=rpm,
@@ -267,20 +376,58 @@ def derive(design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh 
     )
     z = impedance(design, rotor_mass, bearing_number, mesh)
     if z is None:
+        try:
+            axial_position(design, rotor_mass, bearing_number)
+        except AxialStopError as error:
+            return dataclasses.replace(found, status=str(error))
         return found
     film, rest = z.system.film, z.equilibrium
     modes = rotor_modes(z.system, rest.state)
-    leading = modes[0] if modes else None
+    gap = 1.0 - rest.eccentricity
+    if film.offset:
+        gap = least_gap(b.edge, film.offset, rest.eccentricity)
+    least_film = b.clearance * gap
+    conical = conical_modes(z)
     x, y = (float(v) for v in rest.state[-8:-6])
-    return dataclasses.replace(
+    found = dataclasses.replace(
         found,
         status="ok",
         eccentricity=rest.eccentricity,
-        attitude_angle=rest.attitude_angle,
-        least_film=design.bearing.clearance * (1.0 - rest.eccentricity),
-        contact_load_share=contact_load_share(design, rotor_mass, rest.eccentricity),
+        attitude_angle=rest.attitude_angle if design.rotor.gravity else None,
+        least_film=least_film,
+        contact_load_share=z.contact_load_share,
         gas_flow=gas_flow(design, bearing_number, film, film_array(film, rest.state), x, y),
         coefficients=coefficients(z, [0.0, 1.0]),
-        whirl=Whirl(leading.ratio, leading.ratio * rpm, leading.growth) if leading else None,
+        whirl=_whirl(modes, rpm),
         modes=lightly_damped(modes),
+        axial_offset=film.offset,
+        axial_stiffness=None
+        if b.cylindrical
+        else axial_stiffness(design, bearing_number, x, y, film.offset) * design.stiffness_unit,
+        conical=_whirl(conical, rpm),
+        conical_modes=lightly_damped(conical),
+        assumptions=assumptions(design, bearing_number, least_film),
+    )
+    return _with_wall(found, z) if film.depth else found
+
+
+def _whirl(modes: list[Mode], speed_rpm: float) -> Whirl | None:
+    """The least stable of modes in that order."""
+    return Whirl(modes[0].ratio, modes[0].ratio * speed_rpm, modes[0].growth) if modes else None
+
+
+def _with_wall(found: Derived, at: Impedance) -> Derived:
+    """Add what is told of a wall that stores gas."""
+    film, state = at.system.film, at.equilibrium.state
+    ratio = found.whirl.ratio if found.whirl else 0.5
+    gas, quiet = gas_array(film, state), at.system.without_storage()
+    pressure = float(film.area @ gas[1].mean(axis=1) / film.area.sum())
+    wave = ratio * found.sigma_wall / (2.0 * pressure)
+    rest = np.delete(state, np.s_[film_size(film) : gas_size(film)])
+    swinging = [m.growth for m in rotor_modes(quiet, rest) if -m.root.real < m.root.imag]
+    return dataclasses.replace(
+        found,
+        pore_gas_ratio=pore_content(film, gas[1:]) / gas_content(film, gas[0]),
+        penetration_depth=at.design.bearing.wall_thickness / max(math.sqrt(wave), 1.0),
+        quiet_growth=max(swinging, default=None),
     )

@@ -12,9 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from spab_core.design.model import Design
-from spab_core.linear_theory.equilibrium import Equilibrium, dense_system, find_equilibrium
+from spab_core.linear_theory.equilibrium import (
+    AxialStopError,
+    Equilibrium,
+    dense_system,
+    find_equilibrium,
+)
+from spab_core.linear_theory.spectrum import eigenvalues
 from spab_core.solver.film import AUTO, Mesh
-from spab_core.solver.slope import slope_and_jacobian
 from spab_core.solver.system import System
 
 THRESHOLD_RANGE = (1e-2, 1e2)  # kg, searched for the whirl threshold
@@ -58,11 +63,17 @@ def linear_spectrum(
     Returns
     -------
     eigenvalues : ndarray of complex
-        Real part first to last falling; imaginary part = frequency over the shaft speed. None where
-        no equilibrium is.
+        Real part first to last falling; imaginary part = frequency over the shaft speed. Where the
+        wall stores gas, the leading ones, of a pair one
+        (:func:`~spab_core.linear_theory.spectrum.leading_eigenpairs`). None where no equilibrium
+        is.
     equilibrium : Equilibrium
     """
-    return spectrum_of(dense_system(design, rotor_mass, bearing_number, mesh), guess)
+    try:
+        system = dense_system(design, rotor_mass, bearing_number, mesh)
+    except AxialStopError:
+        return None
+    return spectrum_of(system, guess)
 
 
 def spectrum_of(
@@ -72,9 +83,7 @@ def spectrum_of(
     equilibrium = find_equilibrium(system, guess)
     if equilibrium is None:
         return None
-    unknowns = system.unknowns
-    _, jacobian = slope_and_jacobian(system, equilibrium.state, unknowns)
-    values = np.linalg.eigvals(jacobian[unknowns])
+    values = eigenvalues(system, equilibrium.state)
     return values[np.argsort(-values.real)], equilibrium
 
 

@@ -10,7 +10,7 @@ import itertools
 import json
 from collections.abc import Callable, Iterator, Sequence
 from concurrent import futures
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,6 +28,16 @@ from spab_core.maps.checkpoints import Checkpoint, Chunk, run_plan
 from spab_core.maps.compute import cell_values
 from spab_core.maps.parallel import executor
 from spab_core.maps.stability_map import CELLS, FIELDS, StabilityMap, unsolved
+from spab_core.trajectory.assessment import (
+    CHAOTIC,
+    DEFAULT_LIMITS,
+    GRADE_WORDS,
+    GRADES,
+    KINDS,
+    Limits,
+    Motion,
+    gravest,
+)
 from spab_core.trajectory.point import OperatingPoint, solve_point
 from spab_core.trajectory.provenance import map_metadata
 from spab_core.trajectory.settings import Settings
@@ -36,7 +46,14 @@ VARY = ("rotor-mass", "bearing-number")
 SWEEPS = ("cold", "up", "down")
 SECTION_POINTS = 60
 MAX_POINTS = 20_000
-_COLUMNS = ("mle", "mle_standard_error", "regime", "period", "status", "contact_share")
+_LATER = (  # which lines of earlier versions lack: nan there
+    "max_eccentricity",
+    "orbit_amplitude",
+    "thin_film_share",
+    "peak_contact_force",
+)
+_FIRST = ("mle", "mle_standard_error", "regime", "period", "status", "contact_share")
+_COLUMNS = _FIRST + _LATER
 _ARRAYS = {  # of a Branch
     "section": Array(np.float32, ("point", SECTION_POINTS, 4)),
     **{name: CELLS[name].along("point") for name in _COLUMNS},
@@ -54,6 +71,10 @@ _SCHEMA = Schema(
 CHUNK_POINTS = 5  # points solved between two checkpoints
 
 
+def _unknown() -> np.ndarray:
+    return np.array(np.nan)
+
+
 @dataclass(frozen=True)
 class Branch:
     """One sweep along the line, in the order of the line's values.
@@ -67,6 +88,8 @@ class Branch:
         Per revolution; nan if the run failed.
     regime, period, status, contact_share : ndarray, (n,)
         As in a map.
+    max_eccentricity, orbit_amplitude, thin_film_share, peak_contact_force : ndarray, (n,)
+        As in a map; nan where they are not known.
     """
 
     section: np.ndarray
@@ -76,6 +99,15 @@ class Branch:
     period: np.ndarray
     status: np.ndarray
     contact_share: np.ndarray
+    max_eccentricity: np.ndarray = field(default_factory=_unknown)
+    orbit_amplitude: np.ndarray = field(default_factory=_unknown)
+    thin_film_share: np.ndarray = field(default_factory=_unknown)
+    peak_contact_force: np.ndarray = field(default_factory=_unknown)
+
+    def __post_init__(self) -> None:
+        for name in _LATER:
+            if not getattr(self, name).ndim:
+                object.__setattr__(self, name, np.full(self.mle.shape, np.nan))
 
 
 @dataclass(frozen=True)
@@ -100,6 +132,20 @@ class Bifurcation:
     values: np.ndarray
     branches: dict[str, Branch]
     metadata: dict[str, Any]
+
+    @property
+    def design(self) -> Design:
+        """The design that the line was computed for."""
+        return Design.from_dict(self.metadata["design"])
+
+    def judged(self, sweep: str, limits: Limits = DEFAULT_LIMITS) -> tuple[np.ndarray, np.ndarray]:
+        """Return the assessment of each point of a sweep by its motion alone, and the kind of its
+        gravest trouble; (n,) of str each
+        (:func:`spab_core.trajectory.assessment.gravest`).
+        """
+        branch = self.branches[sweep]
+        motions = Motion(*(getattr(branch, name) for name in Motion._fields))
+        return gravest(self.design, motions, limits)
 
 
 def _point_at(vary: str, at: float, value: float) -> tuple[float, float]:
@@ -285,7 +331,7 @@ def _solve(
     """
     waiting = [name for name, c in chunks.items() if checkpoint.missing(c.cells).size]
     running: dict[futures.Future[tuple[Chunk, np.ndarray]], str] = {}
-    with executor(workers, settings) as processes:
+    with executor(workers, settings, design) as processes:
         while waiting or running:
             ready = (
                 n
@@ -323,19 +369,80 @@ def chaotic_intervals(values: np.ndarray, regime: np.ndarray) -> list[tuple[floa
     return [(float(values[a]), float(values[b - 1])) for a, b in zip(first, behind, strict=True)]
 
 
-def interval_table(line: Bifurcation, sweeps: Sequence[str]) -> pd.DataFrame:
-    """Return the chaotic intervals of a line: ``sweep``, ``first`` and ``last`` chaotic value; over
-    bearing numbers in rpm too.
+class Band(NamedTuple):
+    """Neighbouring points of a line with one grade, all chaotic or none.
+
+    Attributes
+    ----------
+    grade : str
+        Of :data:`~spab_core.trajectory.assessment.GRADES`.
+    kinds : tuple of str
+        Of the gravest trouble of each point, in the order of the line, each once.
+    first, last : int
+        Indices of its ends.
+    """
+
+    grade: str
+    kinds: tuple[str, ...]
+    first: int
+    last: int
+
+    @property
+    def why(self) -> str:
+        """What is wrong, in words; nothing where all is good."""
+        return "; ".join(KINDS[kind] for kind in self.kinds)
+
+
+def bands(grades: np.ndarray, kinds: np.ndarray) -> list[Band]:
+    """Return the runs of equal grades along a line, chaos apart.
+
+    Parameters
+    ----------
+    grades, kinds : ndarray of str, (n,)
+        Those of :meth:`Bifurcation.judged`.
+    """
+    if not len(grades):
+        return []
+    chaos = kinds == CHAOTIC
+    changes = (grades[1:] != grades[:-1]) | (chaos[1:] != chaos[:-1])
+    first = np.flatnonzero(np.concatenate([[True], changes]))
+    found = []
+    for a, b in zip(first, [*first[1:], len(grades)], strict=True):
+        named = dict.fromkeys(str(kind) for kind in kinds[a:b] if kind)
+        found.append(Band(str(grades[a]), tuple(named), int(a), int(b) - 1))
+    return found
+
+
+def line_verdict(line: Bifurcation, sweep: str, limits: Limits = DEFAULT_LIMITS) -> tuple[str, str]:
+    """Return the worst grade of a sweep, and the verdict on it in a sentence."""
+    grades, kinds = line.judged(sweep, limits)
+    shares = {grade: float((grades == grade).mean()) for grade in GRADES[::-1]}
+    worst = next(grade for grade, share in shares.items() if share)
+    told = []
+    for grade, share in shares.items():
+        named = list(dict.fromkeys(str(kind) for kind in kinds[(grades == grade) & (kinds != "")]))
+        why = f" ({', '.join(KINDS[kind] for kind in named)})" if named else ""
+        if share:
+            told.append(f"{GRADE_WORDS[grade]} {100.0 * share:.3g} % of the points{why}")
+    words = "; ".join(told)
+    return worst, f"By the motion alone: {words}."
+
+
+def interval_table(
+    line: Bifurcation, sweeps: Sequence[str], limits: Limits = DEFAULT_LIMITS
+) -> pd.DataFrame:
+    """Return the bands of a line by what the motion is worth: ``sweep``, ``assessment``, ``why``,
+    ``first`` and ``last`` value; over bearing numbers in rpm too.
     """
     rows = [
-        (name, *ends)
-        for name, branch in line.branches.items()
+        (name, band.grade, band.why, line.values[band.first], line.values[band.last])
+        for name in line.branches
         if name in sweeps
-        for ends in chaotic_intervals(line.values, branch.regime)
+        for band in bands(*line.judged(name, limits))
     ]
-    table = pd.DataFrame(rows, columns=["sweep", "first", "last"])
+    table = pd.DataFrame(rows, columns=["sweep", "assessment", "why", "first", "last"])
     if line.vary == "bearing-number":
-        speed = Design.from_dict(line.metadata["design"]).speed_rpm(1.0)
+        speed = line.design.speed_rpm(1.0)
         table = table.assign(
             first_rpm=table["first"].astype(float) * speed,
             last_rpm=table["last"].astype(float) * speed,
@@ -345,7 +452,7 @@ def interval_table(line: Bifurcation, sweeps: Sequence[str]) -> pd.DataFrame:
 
 def line_table(line: Bifurcation) -> pd.DataFrame:
     """Return a line as a table: for each sweep and point its place, exponent, regime and so on."""
-    speed = Design.from_dict(line.metadata["design"]).speed_rpm(1.0)
+    speed = line.design.speed_rpm(1.0)
     mass, number = (line.values, line.at) if line.vary == "rotor-mass" else (line.at, line.values)
     return pd.concat(
         [
@@ -356,7 +463,8 @@ def line_table(line: Bifurcation) -> pd.DataFrame:
                     "bearing_number": number,
                     "speed_rpm": speed * number,
                 }
-                | {column: getattr(branch, column) for column in _COLUMNS},
+                | {column: getattr(branch, column) for column in _COLUMNS}
+                | dict(zip(("assessment", "why"), line.judged(name), strict=True)),
                 index=range(len(line.values)),
             )
             for name, branch in line.branches.items()
@@ -414,7 +522,7 @@ def load_bifurcation(path: str | Path) -> Bifurcation:
                 f"{', '.join(SWEEPS)}"
             )
         branches = {
-            sweep: Branch(**{name: found[f"{sweep}.{name}"] for name in _ARRAYS})
+            sweep: Branch(**{k: found[f"{sweep}.{k}"] for k in _ARRAYS if f"{sweep}.{k}" in found})
             for sweep in about["sweeps"]
         }
         return Bifurcation(about["vary"], float(about["at"]), found["values"], branches, about)

@@ -87,7 +87,7 @@ def _solved(
         for name, points in chunks.items()
     )
     # open for these only: what trains in between must not find the cluster at hand
-    with cluster_or_processes(workers, settings, cluster) as parallel:
+    with cluster_or_processes(workers, settings, design, cluster) as parallel:
         for name, found in parallel(jobs):
             if str(found["solver"]) != solver_hash():
                 raise MapError(
@@ -153,7 +153,7 @@ def cell_solver(
     same = run_plan(design, bearing_number, rotor_mass, settings, **(plan or {}))
     if cluster is not None:
         # an address where nobody answers is told before anything else is done
-        with cluster_or_processes(workers, settings, cluster):
+        with cluster_or_processes(workers, settings, design, cluster):
             pass
     with Checkpoint(checkpoint, same, values).resume() as run:
         names = (n for k in itertools.count() if (n := f"{k:06d}") not in run.states)

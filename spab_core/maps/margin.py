@@ -2,8 +2,8 @@
 disagrees with the map.
 
 Every cell of a map stands for the box around it, halfway to its neighbours. A border lies between
-two cells and is known to half the distance of their centres. Every motion that is not periodic is
-unstable, failed cells included.
+two cells and is known to half the distance of their centres. Regimes alone count: "stable" is every
+periodic motion, whatever it is worth, and "unstable" every other, failed cells included.
 """
 
 from __future__ import annotations
@@ -92,8 +92,10 @@ class Margin:
     here : str
         Regime of the point's cell, or the status of its failed run.
     stable, chaotic : bool
+        Whether the motion is periodic, or chaotic.
     instability : Borders
-        Towards the nearest unstable cells; from an unstable point, the nearest stable ones.
+        Towards the nearest cells that are not periodic; from one of those, the nearest periodic
+        ones.
     chaos : Borders
         Towards the nearest chaotic cells; from a chaotic point, the nearest that are not.
     masses, numbers : tuple of float
@@ -116,16 +118,20 @@ class Margin:
     predicted: bool = False
 
     def headline(self) -> str:
-        """Return the margin in one sentence."""
+        """Return the distance to another regime in one sentence: whether motions repeat, not what
+        they are worth.
+        """
         kind, begin = (
-            ("unstable", "Margin") if self.stable else ("stable", f"Unstable here ({self.here})")
+            ("motion that is not periodic", "Margin")
+            if self.stable
+            else ("periodic motion", f"Not periodic here ({self.here})")
         )
         near = self.instability.both
         if self.predicted:
-            begin = f"{begin}, predicted" if self.stable else f"Predicted: {_small(begin)}"
+            begin = f"Predicted: {_small(begin)}"
         if near is None:
-            return f"{begin}: no {kind} point anywhere in the map."
-        return f"{begin}: the nearest {kind} point is {near.beyond}, at {self._where(near)}."
+            return f"{begin}: no {kind} anywhere in the map."
+        return f"{begin}: the nearest {kind} is {near.beyond}, at {self._where(near)}."
 
     def sentences(self) -> list[str]:
         """Describe the borders in mass at this speed and in speed at this mass, then chaos if it is

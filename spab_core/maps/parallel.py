@@ -13,6 +13,7 @@ from joblib.externals.loky import ProcessPoolExecutor
 
 from spab_core.common.errors import InputError
 from spab_core.common.processes import end_with_parent
+from spab_core.design.model import Design
 from spab_core.trajectory.compiling import compile_once
 from spab_core.trajectory.settings import Settings
 
@@ -23,14 +24,14 @@ CLUSTER_SECONDS = 20  # for a scheduler to answer and for its first worker
 
 @contextlib.contextmanager
 def cluster_or_processes(
-    workers: int, settings: Settings, cluster: str | None = None
+    workers: int, settings: Settings, design: Design, cluster: str | None = None
 ) -> Iterator[joblib.Parallel]:
     """Yield worker processes of joblib or of a Dask cluster, with the solver compiled for
-    ``settings``.
+    ``settings`` and ``design``.
     """
     options = {"return_as": "generator_unordered", "pre_dispatch": "2*n_jobs"}
     if cluster is None:
-        compile_once(settings)  # before several would at once
+        compile_once(settings, design)  # before several would at once
         yield joblib.Parallel(
             n_jobs=workers, initializer=end_with_parent, initargs=(os.getpid(),), **options
         )
@@ -65,14 +66,14 @@ class _Here(futures.Executor):
 
 
 @contextlib.contextmanager
-def executor(workers: int, settings: Settings) -> Iterator[futures.Executor]:
-    """Start worker processes with the solver compiled for ``settings``; kill them if the block
-    raises. With 1 worker solve in this process.
+def executor(workers: int, settings: Settings, design: Design) -> Iterator[futures.Executor]:
+    """Start worker processes with the solver compiled for ``settings`` and ``design``; kill them if
+    the block raises. With 1 worker solve in this process.
     """
     if workers == 1:
         yield _Here()
         return
-    compile_once(settings)
+    compile_once(settings, design)
     processes = ProcessPoolExecutor(
         max_workers=workers, initializer=end_with_parent, initargs=(os.getpid(),)
     )

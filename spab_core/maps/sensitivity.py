@@ -1,4 +1,4 @@
-"""What if the drawing changes: how the margin of a machine moves, and what its run-up crosses.
+"""What if the drawing changes: how the margin of a machine moves.
 
 The machine keeps its rotor mass and speed when its bearing is changed, so margins are in kg and
 rpm, and the bearing number is computed for each design.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,18 +26,28 @@ from spab_core.common.validation import check_choice, check_number
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, check_point
 from spab_core.design.model import Design
 from spab_core.maps.parallel import cluster_or_processes
+from spab_core.trajectory.assessment import (
+    AVOID,
+    DEFAULT_LIMITS,
+    GRADE_WORDS,
+    GRADES,
+    KINDS,
+    Limits,
+    assess,
+)
 from spab_core.trajectory.point import solve_point
-from spab_core.trajectory.regimes import NO_EXPONENT
 from spab_core.trajectory.settings import Settings
 
 SETTINGS = Settings(transient=200, revolutions=200)
 REACH = 2.0  # margins are sought from 1/REACH to REACH times the operating point
 SCAN = 16  # points to each side, equally spaced in the logarithm
-BISECTIONS = 4  # of the step in which the regime changes: the border to 0.3 %
+BISECTIONS = 4  # of the step in which the assessment changes: the border to 0.3 %
 STEP, STEPS = 0.1, (1e-3, 0.5)  # relative change of each value of the design; allowed
 VALUES = {  # what a designer can still change, and its name
     "bearing__clearance": "clearance",
     "bearing__supply_pressure_ratio": "supply pressure",
+    "bearing__porosity": "wall porosity",
+    "bearing__layer_permeability": "layer permeability",
     "rotor__unbalance_eccentricity": "unbalance",
     "rotor__shaft_stiffness": "shaft stiffness",
 }
@@ -46,9 +56,12 @@ _MAX_BYTES = 1_000_000  # of a file of these
 _COLUMNS = {
     "value": str,
     "factor": float,
-    "stable": bool,
+    "assessment": str,
+    "why": str,
     "below": float,
+    "below_what": str,
     "above": float,
+    "above_what": str,
     "distance": float,
     "change": float,
 }
@@ -56,49 +69,94 @@ _COLUMNS = {
 
 @dataclass(frozen=True)
 class MachineMargin:
-    """How far a machine is from the nearest change between stable (periodic) and unstable motion
-    along one axis.
+    """How far a machine is, along one axis, from the nearest change between what is to be avoided
+    and what is not.
 
     Attributes
     ----------
     axis : str
         ``speed`` or ``mass``.
-    stable : bool
-        Whether the motion is periodic at the operating point; a failed run (touchdown) is unstable.
+    grade : str
+        Of the operating point, of :data:`~spab_core.trajectory.assessment.GRADES`.
+    why : str
+        Kind of its gravest trouble, of :data:`~spab_core.trajectory.assessment.KINDS`; "" where it
+        is good.
     at : float
         Speed in rpm, or rotor mass in kg, of the operating point.
     below, above : float
-        The nearest border to each side, in the same unit; nan if the scan finds none.
+        The nearest change to each side, in the same unit; nan if the scan finds none.
+    below_what, above_what : str
+        Kind of the gravest trouble that begins there, or, where the operating point itself is to be
+        avoided, ends there; "" where there is none.
     low, high : float
         Ends of the scan.
     """
 
     axis: str
-    stable: bool
+    grade: str
+    why: str
     at: float
     below: float
     above: float
+    below_what: str
+    above_what: str
     low: float
     high: float
 
     @property
-    def distance(self) -> float:
-        """Relative distance to the nearer border, negative where the operating point itself is
-        unstable.
+    def is_avoided(self) -> bool:
+        """Whether the operating point itself is to be avoided."""
+        return self.grade == GRADES[AVOID]
 
-        Without a border within the scan: the distance to its end, a lower bound.
+    @property
+    def distance(self) -> float:
+        """Relative distance to the nearer change, negative where the operating point itself is to
+        be avoided.
+
+        Without a change within the scan: the distance to its end, a lower bound.
         """
         borders = [border for border in (self.below, self.above) if not np.isnan(border)]
         nearest = min(abs(end - self.at) for end in borders or (self.low, self.high))
-        return (1.0 if self.stable else -1.0) * nearest / self.at
+        return (-1.0 if self.is_avoided else 1.0) * nearest / self.at
+
+    def verdict(self) -> str:
+        """Return what the point is worth and where that changes, in a sentence."""
+        unit = "rpm" if self.axis == "speed" else "kg"
+
+        def told(value: float) -> str:
+            return f"{value:,.0f} rpm" if self.axis == "speed" else f"{value:.4g} kg"
+
+        words = GRADE_WORDS[self.grade]
+        begin = f"{words[0].upper()}{words[1:]} at {told(self.at)}"
+        if self.why:
+            begin += f" ({KINDS[self.why]})"
+        changes = [
+            f"{KINDS.get(what, what)} {'ends' if self.is_avoided else 'begins'} at {told(value)}, "
+            f"going {way}"
+            for way, value, what in (
+                ("down", self.below, self.below_what),
+                ("up", self.above, self.above_what),
+            )
+            if not math.isnan(value)
+        ]
+        none = f"{'everything' if self.is_avoided else 'nothing'} is to be avoided"
+        sought = f"sought from {told(self.low).removesuffix(f' {unit}')} to {told(self.high)}"
+        return f"{begin}; {'; '.join(changes) or none}, {sought}."
 
 
-def is_stable(
-    design: Design, rotor_mass: float, speed_rpm: float, settings: Settings = SETTINGS
-) -> bool:
-    """Return whether the motion from the cold start is periodic; ``rotor_mass`` in kg."""
-    regime = solve_point(design, rotor_mass, _number(design, speed_rpm), settings).regime
-    return regime is not None and regime.name == "periodic"
+def judge(
+    design: Design,
+    rotor_mass: float,
+    speed_rpm: float,
+    settings: Settings = SETTINGS,
+    limits: Limits = DEFAULT_LIMITS,
+) -> tuple[str, str]:
+    """Return the assessment of the motion from the cold start and of the equilibrium, and the kind
+    of the gravest trouble, "" where there is none; ``rotor_mass`` in kg.
+    """
+    point = solve_point(design, rotor_mass, _number(design, speed_rpm), settings)
+    found = assess(design, point.motion, point.rest, limits)
+    return found.grade, next(iter(found.kinds), "")
 
 
 def _number(design: Design, speed_rpm: float) -> float:
@@ -122,11 +180,12 @@ def machine_margin(
     speed_rpm: float,
     axis: str,
     settings: Settings = SETTINGS,
+    limits: Limits = DEFAULT_LIMITS,
     *,
     scan: int = SCAN,
 ) -> MachineMargin:
-    """Find the nearest borders along an axis by cold starts outward from the operating point, then
-    bisection.
+    """Find where what is to be avoided begins or ends along an axis, by cold starts outward from
+    the operating point, then bisection.
 
     Parameters
     ----------
@@ -137,6 +196,8 @@ def machine_margin(
     axis : str
         Of :data:`AXES`.
     settings : Settings
+    limits : Limits
+        By which points are judged.
     scan : int
         Points to each side; bands narrower than their spacing, ``REACH**(1/scan)``, can be missed.
 
@@ -151,37 +212,49 @@ def machine_margin(
     """
     check_margin(design, rotor_mass, speed_rpm, axis, scan)
     at = speed_rpm if axis == "speed" else rotor_mass
-    limits = (
+    ends = (
         [r / _number(design, 1.0) for r in BEARING_NUMBER_RANGE]
         if axis == "speed"
         else ROTOR_MASS_RANGE
     )
 
-    def stable(value: float) -> bool:
+    def judged(value: float) -> tuple[str, str]:
         mass, speed = (rotor_mass, value) if axis == "speed" else (value, speed_rpm)
-        return is_stable(design, mass, speed, settings)
+        return judge(design, mass, speed, settings, limits)
 
-    here = stable(at)
-    low, high = (float(np.clip(at * factor, *limits)) for factor in (1.0 / REACH, REACH))
-    below, above = (_border(stable, here, at, end, scan) for end in (low, high))
-    return MachineMargin(axis, here, float(at), below, above, low, high)
+    grade, why = here = judged(at)
+    low, high = (float(np.clip(at * factor, *ends)) for factor in (1.0 / REACH, REACH))
+    (below, under), (above, over) = (_border(judged, here, at, end, scan) for end in (low, high))
+    return MachineMargin(axis, grade, why, float(at), below, above, under, over, low, high)
 
 
-def _border(stable: Callable[[float], bool], here: bool, at: float, end: float, scan: int) -> float:
-    """Return the first value from ``at`` to ``end`` at which ``stable`` is no longer ``here``; nan
-    if there is none.
+def _border(
+    judged: Callable[[float], tuple[str, str]],
+    here: tuple[str, str],
+    at: float,
+    end: float,
+    scan: int,
+) -> tuple[float, str]:
+    """Return the first value from ``at`` to ``end`` at which what is to be avoided begins, or ends
+    if ``here`` it is, and its kind; nan and "" if there is none.
     """
-    near = at
+    avoid = GRADES[AVOID]
+    near, last = at, here
     for value in np.geomspace(at, end, scan + 1)[1:].tolist() if end != at else ():
-        if stable(value) == here:
-            near = value
+        found = judged(value)
+        if (found[0] == avoid) == (here[0] == avoid):
+            near, last = value, found
             continue
         far = value  # bisected by hand: each end costs a run, scipy's would solve both again
         for _ in range(BISECTIONS):
             middle = float(np.sqrt(near * far))
-            near, far = (middle, far) if stable(middle) == here else (near, middle)
-        return float(np.sqrt(near * far))
-    return math.nan
+            between = judged(middle)
+            if (between[0] == avoid) == (here[0] == avoid):
+                near, last = middle, between
+            else:
+                far, found = middle, between
+        return float(np.sqrt(near * far)), (last if here[0] == avoid else found)[1]
+    return math.nan, ""
 
 
 def variations(design: Design, step: float = STEP) -> list[tuple[str, float, Design]]:
@@ -212,6 +285,7 @@ def sensitivity(
     axis: str = "speed",
     settings: Settings = SETTINGS,
     *,
+    limits: Limits = DEFAULT_LIMITS,
     step: float = STEP,
     scan: int = SCAN,
     workers: int = 1,
@@ -221,7 +295,7 @@ def sensitivity(
 
     Parameters
     ----------
-    design, rotor_mass, speed_rpm, axis, settings, scan
+    design, rotor_mass, speed_rpm, axis, settings, limits, scan
         As in :func:`machine_margin`.
     step : float
         Relative change of each value, from 0.001 to 0.5.
@@ -236,9 +310,9 @@ def sensitivity(
     MachineMargin
         Of the design as it is.
     DataFrame
-        A row for each value and direction: ``value``, ``factor``, ``stable``, ``below``, ``above``
-        (rpm or kg), ``distance`` (relative), ``change`` (of the distance); the value with the
-        largest change first.
+        A row for each value and direction: ``value``, ``factor``, ``assessment`` and its ``why``,
+        ``below``, ``above`` (rpm or kg) with ``below_what``, ``above_what``, ``distance``
+        (relative), ``change`` (of the distance); the value with the largest change first.
 
     Raises
     ------
@@ -249,10 +323,10 @@ def sensitivity(
     check_margin(design, rotor_mass, speed_rpm, axis, scan)
     cases = [("", 1.0, design), *variations(design, step)]
     margins: dict[int, MachineMargin] = {}
-    with cluster_or_processes(workers, settings) as run:
+    with cluster_or_processes(workers, settings, design) as run:
         jobs = (
             joblib.delayed(_numbered_margin)(
-                k, case[2], rotor_mass, speed_rpm, axis, settings, scan=scan
+                k, case[2], rotor_mass, speed_rpm, axis, settings, limits, scan=scan
             )
             for k, case in enumerate(cases)
         )
@@ -265,9 +339,12 @@ def sensitivity(
         {
             "value": name,
             "factor": factor,
-            "stable": margins[k].stable,
+            "assessment": margins[k].grade,
+            "why": margins[k].why,
             "below": margins[k].below,
+            "below_what": margins[k].below_what,
             "above": margins[k].above,
+            "above_what": margins[k].above_what,
             "distance": margins[k].distance,
             "change": margins[k].distance - base.distance,
         }
@@ -310,7 +387,8 @@ def load_sensitivity(path: Path) -> tuple[MachineMargin, pd.DataFrame]:
         places = [float(number) for number in (base.low, base.at, base.high)]
         if (
             base.axis not in AXES
-            or not isinstance(base.stable, bool)
+            or base.grade not in GRADES
+            or not {base.why, base.below_what, base.above_what} <= {"", *KINDS}
             or not 0.0 < places[0] <= places[1] <= places[2] < math.inf
         ):
             raise ValueError("its margin is damaged")
@@ -323,35 +401,3 @@ def load_sensitivity(path: Path) -> tuple[MachineMargin, pd.DataFrame]:
     except UNREADABLE as error:
         raise InputError(f"cannot read the sensitivity {str(path)!r}: {str(error)[:200]}") from None
     return base, table
-
-
-def regime_intervals(values: np.ndarray, regime: Sequence[str] | np.ndarray) -> pd.DataFrame:
-    """Return the regimes along a line of operating points: one row for each run of equal regimes.
-
-    Parameters
-    ----------
-    values : ndarray, (n,)
-        Rising.
-    regime : sequence of str, (n,)
-        "" if a run failed.
-
-    Returns
-    -------
-    DataFrame
-        ``regime``, ``start``, ``stop`` (first and last value of the run), ``points``.
-    """
-    names = np.asarray(regime)
-    first = (
-        np.flatnonzero(np.concatenate([[True], names[1:] != names[:-1]]))
-        if len(names)
-        else np.array([], int)
-    )
-    last = np.append(first[1:], len(names)) - 1
-    return pd.DataFrame(
-        {
-            "regime": [names[k] or NO_EXPONENT for k in first],
-            "start": [float(values[k]) for k in first],
-            "stop": [float(values[k]) for k in last[: len(first)]],
-            "points": (last[: len(first)] - first + 1),
-        }
-    )

@@ -1,5 +1,7 @@
-"""Solve how far an operating point is from the first trouble: cold starts along both lines through
-it, speed at fixed mass and mass at fixed speed, then bisection of each first change.
+"""Solve how far an operating point is from the first trouble: cold starts along lines through it
+(speed at fixed mass, mass at fixed speed, both by the same factor, and one against the other), then
+bisection of each first change. States are carried on along each line, up and down, to find motions
+that exist beside those from rest.
 
 Trouble is what the assessment calls to be avoided or to be watched
 (:mod:`spab_core.trajectory.assessment`), each kind by its name. Every limit is a bracket between
@@ -15,8 +17,11 @@ import math
 import time
 from collections.abc import Callable, Iterable
 from concurrent import futures
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from spab_core.common.validation import check_number
 from spab_core.design.form import nearest_bearing_number
@@ -25,11 +30,13 @@ from spab_core.design.model import Design
 from spab_core.linear_theory.summary import Derived
 from spab_core.maps.parallel import executor
 from spab_core.trajectory.assessment import (
+    AVOID,
     CHAOTIC,
+    COEXISTING,
     DEFAULT_LIMITS,
     FAILED,
-    GRADE_WORDS,
     GRADES,
+    KINDS,
     LARGE_ECCENTRICITY,
     LARGE_ORBIT,
     LEAST_FILM,
@@ -42,27 +49,37 @@ from spab_core.trajectory.assessment import (
     RUBBING,
     SUBHARMONIC,
     UNDECIDED,
+    UNKNOWN,
     UNSTABLE,
     WATCH,
     Assessment,
     Limits,
     Motion,
     Rule,
+    assess,
     motion_rules,
     motion_words,
     rest_rules,
 )
-from spab_core.trajectory.point import OperatingPoint, solve_point
+from spab_core.trajectory.point import OperatingPoint, beside_words, solve_point
 from spab_core.trajectory.settings import Settings
-from spab_core.trajectory.starts import whirling_start
 
-AXES = ("speed", "mass")
-DIRECTIONS = ("down", "up")
-SPAN = (0.25, 3.0)  # of the point's value
+DIRECTIONS = {  # by axis, the first ones down: powers of a factor by which mass and speed change
+    "speed": {"down": (0, 1), "up": (0, 1)},
+    "mass": {"down": (1, 0), "up": (1, 0)},
+    "both": {"down": (1, 1), "up": (1, 1), "speed up": (1, -1), "mass up": (1, -1)},
+}
+_DOWN = ("down", "speed up")  # directions in which the factor falls below 1
+_TOLD = {
+    ("both", "down"): "down in mass and speed together",
+    ("both", "up"): "up in mass and speed together",
+    ("both", "speed up"): "up in speed and down in mass as much",
+    ("both", "mass up"): "up in mass and down in speed as much",
+}
+SPAN, SPAN_BOTH = (0.25, 3.0), (0.5, 2.0)  # of the point's value; factors of both
 POINTS, POINTS_RANGE = 12, (2, 200)  # of a line on each side of the point, and allowed
 PRECISION, PRECISION_RANGE = 0.005, (1e-5, 0.1)  # width of a bracket over its value, and allowed
 ROUGH = 10.0  # times the precision: of a bracket between two points that rub or fail
-APART = 0.05  # by how much the largest eccentricities of two motions differ at least, over C
 _STILL = 1e-9  # relative: a point at the end of what is allowed
 _REGIMES = frozenset({CHAOTIC, QUASI_PERIODIC, SUBHARMONIC})
 _OF_MOTION = _REGIMES | {
@@ -76,23 +93,6 @@ _OF_MOTION = _REGIMES | {
 }
 _OF_REST = frozenset({RESONANCE, NOT_LIFTED, UNSTABLE, LIGHTLY_DAMPED})
 _ROUGH = _REGIMES | _OF_REST | {UNDECIDED, LARGE_ORBIT}
-KINDS = {  # of trouble: what it is called in a sentence
-    FAILED: "a failed run (touchdown)",
-    RUBBING: "rubbing",
-    CHAOTIC: "chaos",
-    QUASI_PERIODIC: "a quasi-periodic whirl",
-    SUBHARMONIC: "a whirl locked to the rotation",
-    LEAST_FILM: "a film under its limit",
-    LARGE_ECCENTRICITY: "an eccentricity over its limit",
-    NOT_LIFTED: "a rotor that lies on the wall at rest",
-    RESONANCE: "resonance",
-    UNDECIDED: "an undecided motion",
-    LARGE_ORBIT: "a large orbit",
-    NEAR_FILM: "a film near its limit",
-    RAISED_ECCENTRICITY: "a raised eccentricity",
-    UNSTABLE: "instability at rest",
-    LIGHTLY_DAMPED: "light damping at rest",
-}
 Progress = Callable[[int], None]
 
 
@@ -105,10 +105,27 @@ class Found(NamedTuple):
         Grade, "watch" or "avoid", by kind of :data:`KINDS`.
     unknown : frozenset of str
         Kinds that the point says nothing about, such as those of a motion where the run failed.
+    point : OperatingPoint
+        From the cold start.
+    beside : OperatingPoint or None
+        Another motion; not looked for where something is to be avoided.
     """
 
     kinds: dict[str, str]
-    unknown: frozenset[str] = frozenset()
+    unknown: frozenset[str]
+    point: OperatingPoint
+    beside: OperatingPoint | None = None
+
+    @property
+    def is_bad(self) -> bool:
+        """Whether something is to be avoided."""
+        return GRADES[AVOID] in self.kinds.values()
+
+    def with_beside(self, other: OperatingPoint | None) -> Found:
+        """Return the same with another motion, if there is one."""
+        if other is None:
+            return self
+        return self._replace(kinds=self.kinds | {COEXISTING: GRADES[WATCH]}, beside=other)
 
 
 @dataclass(frozen=True)
@@ -117,20 +134,24 @@ class Limit:
 
     Attributes
     ----------
-    axis : str
-        Of :data:`AXES`.
-    direction : str
+    axis, direction : str
         Of :data:`DIRECTIONS`, from the operating point.
     what : str
         Of :data:`KINDS`.
     value, low, high : float
-        Middle and ends of the bracket, rpm or kg.
+        Middle and ends of the bracket: rpm, kg, or on the axis "both" the factor of the mass.
     begins : bool
         Whether the trouble begins there; False: the operating point has it, and it ends there.
     grade : str
         "watch" or "avoid": of the trouble on its side of the bracket.
     change : float
         Of the value, relative to the operating point's.
+    rotor_mass, speed_rpm : float
+        Where the value is, kg and rpm.
+    distance : float
+        Root of the sum of squares of the relative changes of mass and speed.
+    detail : str
+        Which other motion there is, where that is the trouble.
     """
 
     axis: str
@@ -142,6 +163,14 @@ class Limit:
     begins: bool
     grade: str
     change: float
+    rotor_mass: float
+    speed_rpm: float
+    distance: float
+    detail: str = ""
+
+    def towards(self) -> str:
+        """Return the direction in words."""
+        return _towards(self.axis, self.direction)
 
     def words(self) -> str:
         """Return such as "rubbing from 23,200 ± 100 rpm (+16 %)"."""
@@ -149,11 +178,16 @@ class Limit:
         digits = -math.floor(math.log10(half * (1.0 + 1e-9))) if half > 0.0 else 3
         spread = math.ceil(half * 10.0**digits - 1e-9) / 10.0**digits  # never narrower
         shown = max(digits, 0)
-        unit = "rpm" if self.axis == "speed" else "kg"
+        if self.axis == "both":
+            unit = "times the mass"
+            where = f"{self.rotor_mass:.4g} kg and {self.speed_rpm:,.0f} rpm"
+        else:
+            unit = "rpm" if self.axis == "speed" else "kg"
+            where = f"{100.0 * self.change:+,.{0 if abs(self.change) >= 0.1 else 1}f} %"
         return (
-            f"{KINDS[self.what]} {'from' if self.begins else 'ends at'} "
-            f"{round(self.value, digits):,.{shown}f} ± {spread:,.{shown}f} {unit} "
-            f"({100.0 * self.change:+,.{0 if abs(self.change) >= 0.1 else 1}f} %)"
+            f"{KINDS[self.what]}{self.detail and f' ({self.detail})'} "
+            f"{'from' if self.begins else 'ends at'} {round(self.value, digits):,.{shown}f} ± "
+            f"{spread:,.{shown}f} {unit} ({where})"
         )
 
 
@@ -164,9 +198,9 @@ class Line:
     Attributes
     ----------
     axis, direction : str
-        Of :data:`AXES` and :data:`DIRECTIONS`.
+        Of :data:`DIRECTIONS`.
     end : float
-        Last value solved, rpm or kg.
+        Last value solved: rpm, kg or factor of the mass.
     points : int
         Solved from the operating point to there before any bisection, equally spaced in the
         logarithm; 0 where the operating point is at the end of what is allowed.
@@ -192,10 +226,10 @@ class SolvedMargin:
     here : dict
         Grade by kind of the trouble that the point has.
     limits : tuple of Limit
-        The nearest of each kind on each side, by rising relative change.
+        The nearest of each kind on each side, by rising distance.
     lines : tuple of Line
     beside : OperatingPoint or None
-        Another motion at the same point, reached from a large orbit.
+        Another motion at the same point, reached from a large orbit or from a neighbour.
     judged_by : Limits
     solved : int
         Points solved.
@@ -214,31 +248,8 @@ class SolvedMargin:
     @property
     def assessment(self) -> Assessment:
         """What the point is worth; a motion beside its own is a reason to watch it."""
-        found = self.point.assessment(self.judged_by)
-        if self.beside is None:
-            return found
-        grade = "watch" if found.grade == "good" else found.grade
-        return dataclasses.replace(
-            found,
-            grade=grade,
-            reasons=(*found.reasons, self.beside_words()),
-            motion=found.motion.replace(f": {found.words}.", f": {GRADE_WORDS[grade]}."),
-        )
-
-    def beside_words(self) -> str:
-        """Return what exists beside the motion from rest, as a clause; nothing where nothing was
-        found.
-        """
-        other = self.beside
-        if other is None:
-            return ""
-        if other.regime is None:
-            return f"started on a large orbit, the run fails ({other.trajectory.status})"
-        words = motion_words(other.regime.name, other.regime.period)
-        return (
-            f"another motion of {100.0 * other.max_eccentricity:.0f} % of the clearance exists "
-            f"beside it, reached from a large orbit: {words[0].lower()}{words[1:]}"
-        )
+        p, words = self.point, beside_words(self.beside) if self.beside else ""
+        return assess(p.design, p.motion, p.rest, self.judged_by, words)
 
     def nearest(self, grade: str) -> Limit | None:
         """Return the nearest trouble to come of a grade, "watch" or "avoid"."""
@@ -249,9 +260,9 @@ class SolvedMargin:
         be watched if that is nearer.
         """
         avoid, watch = self.nearest("avoid"), self.nearest("watch")
-        if watch and avoid and abs(watch.change) >= abs(avoid.change):
+        if watch and avoid and watch.distance >= avoid.distance:
             watch = None
-        told = [f"going {x.direction} in {x.axis}, {x.words()}" for x in (avoid, watch) if x]
+        told = [f"going {x.towards()}, {x.words()}" for x in (avoid, watch) if x]
         if avoid and watch:
             told[1] = f"to be watched before: {told[1]}"
         return f"Solved margin: {'; '.join(told) or 'no further trouble where it was looked for'}."
@@ -262,21 +273,26 @@ class SolvedMargin:
         if _not_judged(self.point.rest):
             told.append("Resonance and stability at rest are not judged: no equilibrium is known.")
         if self.beside:
-            words = self.beside_words()
+            words = beside_words(self.beside)
             told.append(f"{words[0].upper()}{words[1:]}.")
         told += [self._along(line) for line in self.lines]
         spacing = max((line.spacing for line in self.lines), default=0.0)
         told.append(
-            f"Each limit lies between two of {self.solved} solved points, started from rest; a "
+            f"Each limit lies between two of {self.solved} points solved from rest, those without "
+            "anything to be avoided once more from a large orbit and from their neighbours' "
+            "motions; a "
             f"window narrower than {100.0 * spacing:.0f} % of the value, the spacing of the lines, "
             "can be missed."
         )
         return told
 
     def _along(self, line: Line) -> str:
-        begin = f"{line.direction.capitalize()} in {line.axis}"
-        unit = "rpm" if line.axis == "speed" else "kg"
-        end = f"{line.end:,.0f} {unit}" if line.axis == "speed" else f"{line.end:.4g} {unit}"
+        begin = _towards(line.axis, line.direction).capitalize()
+        end = {
+            "speed": f"{line.end:,.0f} rpm",
+            "mass": f"{line.end:.4g} kg",
+            "both": f"{line.end:.3g} times the mass",
+        }[line.axis]
         if not line.points:
             return f"{begin}: nothing beyond {end} is allowed."
         told = [
@@ -289,13 +305,19 @@ class SolvedMargin:
     def record(self) -> dict[str, Any]:
         """Return plain values: the keys of ``spab simulate --json``, and those of the margin."""
         judged = self.assessment
+
+        def limits(some: Iterable[Limit]) -> list[dict[str, Any]]:
+            return [dataclasses.asdict(limit) | {"predicted": False} for limit in some]
+
         return self.point.record(self.judged_by) | {
             "assessment": judged.grade,
             "assessment_reasons": list(judged.reasons),
             "headline": self.headline(),
             "sentences": self.sentences(),
             "here": dict(self.here),
-            "limits": [dataclasses.asdict(limit) | {"predicted": False} for limit in self.limits],
+            "limits": limits(x for x in self.limits if x.axis != "both"),
+            "limits_both": limits(x for x in self.limits if x.axis == "both"),
+            "coexisting": beside_words(self.beside) if self.beside else None,
             "lines": [dataclasses.asdict(line) for line in self.lines],
             "beside": self.beside.record(self.judged_by) if self.beside else None,
             "points_solved": self.solved,
@@ -339,7 +361,7 @@ def _by_kind(rules: Iterable[Rule]) -> dict[str, str]:
     """Return the worst grade of each kind of :data:`KINDS` among the rules that hold."""
     worst: dict[str, int] = {}
     for rule in rules:
-        if rule.holds and rule.kind in KINDS:
+        if rule.holds and rule.kind != UNKNOWN:
             worst[rule.kind] = max(worst.get(rule.kind, rule.grade), rule.grade)
     return {kind: GRADES[grade] for kind, grade in worst.items()}
 
@@ -348,7 +370,12 @@ def _not_judged(rest: Derived | None) -> bool:
     return rest is None or rest.status != "ok"
 
 
-def _look(point: OperatingPoint, limits: Limits) -> Found:
+def _towards(axis: str, direction: str) -> str:
+    return _TOLD.get((axis, direction), f"{direction} in {axis}")
+
+
+def _look(point: OperatingPoint, limits: Limits, starts: Iterable[np.ndarray] = ()) -> Found:
+    """Judge a point, and look for another motion of it from a large orbit and from states given."""
     rest = point.rest
     kinds, unknown = troubles_of_motion(point.design, point.motion, limits), frozenset[str]()
     if FAILED in kinds:
@@ -359,13 +386,50 @@ def _look(point: OperatingPoint, limits: Limits) -> Found:
         unknown |= _OF_REST
     elif rest:
         kinds |= troubles_at_rest(rest, limits)
-    return Found({name: kinds[name] for name in KINDS if name in kinds}, unknown)
+    found = Found({name: kinds[name] for name in KINDS if name in kinds}, unknown, point)
+    if found.is_bad:
+        return found._replace(unknown=unknown | {COEXISTING})
+    other = point.beside
+    for start in starts:
+        other = other or _carried(point, start)
+    return found.with_beside(other)
+
+
+def _carried(point: OperatingPoint, start: np.ndarray) -> OperatingPoint | None:
+    """Go on from another state; return what it comes to if that is another motion."""
+    where = point.design, point.rotor_mass, point.bearing_number
+    return point.kept_beside(solve_point(*where, point.settings, start=start))
 
 
 def _look_at(
-    design: Design, rotor_mass: float, bearing_number: float, settings: Settings, limits: Limits
+    design: Design,
+    rotor_mass: float,
+    bearing_number: float,
+    settings: Settings,
+    limits: Limits,
+    starts: Iterable[np.ndarray] = (),
 ) -> Found:
-    return _look(solve_point(design, rotor_mass, bearing_number, settings), limits)
+    return _look(solve_point(design, rotor_mass, bearing_number, settings), limits, starts)
+
+
+def _ends(found: Found) -> list[np.ndarray]:
+    """Return the last states of the motions of a point, that beside the one from rest first."""
+    runs = (found.beside, found.point)
+    return [p.trajectory.final for p in runs if p and p.trajectory.status == "ok"]
+
+
+def _carry_on(line: list[Found]) -> list[Found]:
+    """Carry states on along a line of points, in their order and back: where nothing is to be
+    avoided, a run from what the neighbour does may lead to another motion than rest.
+    """
+    line = list(line)
+    for order in (range(len(line)), range(len(line) - 1, -1, -1)):
+        state: np.ndarray | None = None
+        for k in order:
+            if not line[k].is_bad and line[k].beside is None and state is not None:
+                line[k] = line[k].with_beside(_carried(line[k].point, state))
+            state = next(iter(_ends(line[k])), None)
+    return line
 
 
 class Side:
@@ -375,7 +439,7 @@ class Side:
     ----------
     line : Line
     at : float
-        The operating point's value, rpm or kg.
+        The operating point's value: rpm, kg, or the factor 1.
     here : Found
     """
 
@@ -389,9 +453,31 @@ class Side:
         ratio = (self.line.end / self.at) ** (1.0 / max(n, 1))
         return [self.at * ratio**k for k in range(1, n)] + [self.line.end] * (n > 0)
 
+    def outward(self) -> list[float]:
+        """Return the solved values, from the operating point on."""
+        return sorted(self.found, key=lambda value: abs(value - self.at))
+
+    def place(self, value: float) -> tuple[float, float]:
+        """Return rotor mass and bearing number of a value."""
+        point, (mass, speed) = self.here.point, DIRECTIONS[self.line.axis][self.line.direction]
+        if self.line.axis == "mass":
+            return value, point.bearing_number
+        if self.line.axis == "speed":
+            return point.rotor_mass, nearest_bearing_number(point.design, value)
+        return (
+            _within(point.rotor_mass * value**mass, ROTOR_MASS_RANGE),
+            _within(point.bearing_number * value**speed, BEARING_NUMBER_RANGE),
+        )
+
+    def starts(self, value: float) -> list[np.ndarray]:
+        """Return the last states of the solved neighbours of a value."""
+        near = [v for v in self.outward() if abs(v - self.at) < abs(value - self.at)][-1:]
+        far = [v for v in self.outward() if abs(v - self.at) > abs(value - self.at)][:1]
+        return [state for v in (*near, *far) for state in _ends(self.found[v])]
+
     def brackets(self) -> dict[str, tuple[float, float]]:
         """Return the solved values, the nearer first, between which each kind first changes."""
-        values = sorted(self.found, key=lambda value: abs(value - self.at))
+        values = self.outward()
         changes = {
             kind: next(
                 (pair for pair in itertools.pairwise(values) if self._changed(kind, pair[1])), None
@@ -415,8 +501,11 @@ class Side:
 
     def _roughness(self, kind: str, values: tuple[float, float]) -> float:
         """Return times the precision: where all of them rub or fail it is of little use which
-        motion does so or how the rotor would rest, and runs take 50 times as long.
+        motion does so or how the rotor would rest, and runs take 50 times as long; so do those of
+        another motion that rubs.
         """
+        if kind == COEXISTING:
+            return ROUGH
         rub = all(self.found[value].kinds.keys() & {RUBBING, FAILED} for value in values)
         return ROUGH if rub and kind in _ROUGH else 1.0
 
@@ -426,6 +515,9 @@ class Side:
         for kind, (near, far) in self.brackets().items():
             begins = kind not in self.here.kinds
             value = 0.5 * (near + far)
+            there = self.found[far] if begins else self.here
+            (mass, number), point = self.place(value), self.here.point
+            changes = mass / point.rotor_mass - 1.0, number / point.bearing_number - 1.0
             told.append(
                 Limit(
                     self.line.axis,
@@ -435,11 +527,28 @@ class Side:
                     min(near, far),
                     max(near, far),
                     begins,
-                    (self.found[far] if begins else self.here).kinds[kind],
+                    there.kinds[kind],
                     value / self.at - 1.0,
+                    mass,
+                    point.design.speed_rpm(number),
+                    math.hypot(*changes),
+                    _detail(there.beside) if kind == COEXISTING else "",
                 )
             )
         return told
+
+
+def _within(value: float, ends: tuple[float, float]) -> float:
+    """Return a value on the edge of a range that rounding took out of it."""
+    return min(max(value, ends[0]), ends[1])
+
+
+def _detail(other: OperatingPoint | None) -> str:
+    """Return what another motion is, in a few words."""
+    if other is None or other.regime is None:
+        return "a failed run"
+    words = motion_words(other.regime.name, other.regime.period)
+    return f"{100.0 * other.max_eccentricity:.0f} % of the clearance, {words[0].lower()}{words[1:]}"
 
 
 def check_solved_margin(points: int, precision: float) -> None:
@@ -456,11 +565,14 @@ def solve_margin(
     limits: Limits = DEFAULT_LIMITS,
     *,
     points: int = POINTS,
+    span: tuple[float, float] = SPAN,
     precision: float = PRECISION,
     workers: int = 1,
+    pool: futures.Executor | None = None,
     progress: Progress | None = None,
+    report: Callable[[SolvedMargin], None] | None = None,
 ) -> SolvedMargin:
-    """Solve the limits of an operating point in speed and mass.
+    """Solve the limits of an operating point in speed, in mass and in both.
 
     Parameters
     ----------
@@ -473,15 +585,22 @@ def solve_margin(
     limits : Limits
         By which every point is judged.
     points : int
-        On each side of the point, from a quarter of its value to three times it, within what is
-        allowed.
+        On each side of the point; half as many on the axis "both".
+    span : tuple of float
+        Ends of the lines over the point's value, below and above one; within what is allowed, and
+        on the axis "both" within :data:`SPAN_BOTH`.
     precision : float
         Largest width of a limit's bracket, over its value; ten times that for regimes, orbits and
         trouble at rest between two points that rub or fail.
     workers : int
         Processes.
+    pool : Executor, optional
+        Solves the points instead; what its ``submit`` raises ends the search.
     progress : callable
         Called with the number of points solved since the last call, from whatever thread.
+    report : callable
+        Called with the margin as far as it is known, first when both lines are solved, then after
+        each bisection; without another motion at the point, which is looked for last.
 
     Returns
     -------
@@ -497,77 +616,92 @@ def solve_margin(
     check_solved_margin(points, precision)
     settings = settings or Settings()
     point = solve_point(design, rotor_mass, bearing_number, settings)
-    here = _look(point, limits)
-    sides = _sides(design, rotor_mass, bearing_number, points, here)
+    here = _look(point, limits).with_beside(point.beside)
+    sides = _sides(point, points, span, here)
 
-    def place(axis: str, value: float) -> tuple[float, float]:
-        if axis == "mass":
-            return value, bearing_number
-        return rotor_mass, nearest_bearing_number(design, value)
+    def margin() -> SolvedMargin:
+        return SolvedMargin(
+            point,
+            here.kinds,
+            tuple(sorted((x for side in sides for x in side.limits()), key=lambda x: x.distance)),
+            tuple(side.line for side in sides),
+            here.beside,
+            limits,
+            sum(len(side.found) - 1 for side in sides) + 1,
+            time.perf_counter() - began,
+        )
 
-    with executor(workers, settings) as pool:
+    with executor(workers, settings, design) if pool is None else nullcontext(pool) as solvers:
 
-        def start(side: Side, value: float) -> futures.Future[Found]:
-            run = pool.submit(_look_at, design, *place(side.line.axis, value), settings, limits)
+        def start(side: Side, value: float, starts: Iterable[np.ndarray]) -> futures.Future[Found]:
+            place = side.place(value)
+            run = solvers.submit(_look_at, design, *place, settings, limits, tuple(starts))
             if progress:
                 run.add_done_callback(lambda _: progress(1))
             return run
 
-        wanted = [(side, value) for side in sides for value in side.grid()]
-        while wanted:
-            runs = [(side, value, start(side, value)) for side, value in wanted]
+        def solve(wanted: list[tuple[Side, float]], carried: bool) -> None:
+            runs = [(s, v, start(s, v, s.starts(v) if carried else ())) for s, v in wanted]
             for side, value, run in runs:
                 side.found[value] = run.result()
-            wanted = [(side, value) for side in sides for value in side.middles(precision)]
-    return SolvedMargin(
-        point,
-        here.kinds,
-        tuple(sorted((x for side in sides for x in side.limits()), key=lambda x: abs(x.change))),
-        tuple(side.line for side in sides),
-        _beside(point),
-        limits,
-        sum(len(side.found) - 1 for side in sides) + 1,
-        time.perf_counter() - began,
-    )
+            if report:
+                report(margin())
+
+        solve([(side, value) for side in sides for value in side.grid()], False)
+        while wanted := [(side, value) for side in sides for value in side.middles(precision)]:
+            solve(wanted, False)
+        here = _carry_on_all(solvers, sides)
+        while wanted := [(side, value) for side in sides for value in side.middles(precision)]:
+            solve(wanted, True)
+    return margin()
 
 
 def _sides(
-    design: Design, rotor_mass: float, bearing_number: float, points: int, here: Found
+    point: OperatingPoint, points: int, span: tuple[float, float], here: Found
 ) -> list[Side]:
-    rpm, sides = design.speed_rpm(1.0), []
-    low, high = BEARING_NUMBER_RANGE
-    for axis, at, allowed in (
-        ("speed", bearing_number * rpm, (low * rpm, high * rpm)),
-        ("mass", float(rotor_mass), ROTOR_MASS_RANGE),
-    ):
-        for direction, factor in zip(DIRECTIONS, SPAN, strict=True):
-            end = min(max(at * factor, allowed[0]), allowed[1])
-            spacing = abs((end / at) ** (1.0 / points) - 1.0)
+    mass, rpm = point.rotor_mass, point.design.speed_rpm(1.0)
+    speed = point.bearing_number * rpm
+    speeds = (BEARING_NUMBER_RANGE[0] * rpm, BEARING_NUMBER_RANGE[1] * rpm)
+    both = max(span[0], SPAN_BOTH[0]), min(span[1], SPAN_BOTH[1])
+    sides = []
+    for axis, directions in DIRECTIONS.items():
+        at = {"speed": speed, "mass": mass, "both": 1.0}[axis]
+        for direction, powers in directions.items():
+            ends, count = (both, max(points // 2, 1)) if axis == "both" else (span, points)
+            factor = ends[direction not in _DOWN]
+            for value, power, allowed in zip(
+                (mass, speed), powers, (ROTOR_MASS_RANGE, speeds), strict=True
+            ):
+                if power:  # up to the edge of what is allowed
+                    edges = sorted((end / value) ** power for end in allowed)
+                    factor = min(max(factor, edges[0]), edges[1])
+            spacing = abs(factor ** (1.0 / count) - 1.0)
             moves = spacing > _STILL
-            line = Line(axis, direction, end, points if moves else 0, spacing if moves else 0.0)
+            line = Line(
+                axis, direction, at * factor, count if moves else 0, spacing if moves else 0.0
+            )
             sides.append(Side(line, at, here))
     return sides
 
 
-def _beside(point: OperatingPoint) -> OperatingPoint | None:
-    """Start the point on a large orbit; return what it comes to if that is another motion."""
-    start = whirling_start(
-        point.design, point.rotor_mass, point.bearing_number, point.settings.mesh
-    )
-    other = solve_point(
-        point.design, point.rotor_mass, point.bearing_number, point.settings, start=start
-    )
-    return other if _differ(point, other) else None
-
-
-def _differ(point: OperatingPoint, other: OperatingPoint) -> bool:
-    """Whether two runs came to two motions; where one does not repeat, its regime may be a matter
-    of where it was looked at, so only how large they are counts.
+def _carry_on_all(pool: futures.Executor, sides: list[Side]) -> Found:
+    """Carry states on along every line, each of two sides; return what is known of the operating
+    point then.
     """
-    if point.regime is None or other.regime is None:
-        return point.regime != other.regime
-    apart = abs(point.max_eccentricity - other.max_eccentricity) > APART
-    names = {point.regime.name, other.regime.name}
-    if names == {"periodic"}:
-        return apart or point.regime.period != other.regime.period
-    return apart and names != {"chaotic"}
+    here, runs = sides[0].here, []
+    pairs = [(a, b) for a, b in itertools.pairwise(sides) if a.line.direction in _DOWN]
+    for down, up in pairs:
+        below, above = down.outward()[:0:-1], up.outward()[1:]
+        line = [*(down.found[v] for v in below), here, *(up.found[v] for v in above)]
+        runs.append((down, below, up, above, pool.submit(_carry_on, line)))
+    for down, below, up, above, run in runs:
+        line = run.result()
+        for side, values, found in (
+            (down, below, line[: len(below)]),
+            (up, above, line[len(below) + 1 :]),
+        ):
+            side.found.update(zip(values, found, strict=True))
+        here = here if here.beside else here.with_beside(line[len(below)].beside)
+    for side in sides:
+        side.here = side.found[side.at] = here
+    return here

@@ -17,6 +17,7 @@ from spab_core.common.files import write_atomically
 from spab_core.common.npz import npz_bytes
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
+from spab_core.maps.map_netcdf import as_npz, is_netcdf
 from spab_core.solver.stepping import STATUS
 from spab_core.trajectory.assessment import DEFAULT_LIMITS, Limits, Motion, grades
 from spab_core.trajectory.periodic_orbit import MAX_PERIOD
@@ -172,14 +173,37 @@ def axis(text: str, name: str) -> np.ndarray:
     except ValueError:
         raise InputError(
             f"{name} = {str(text)[:60]!r} is not start:stop:count, such as 0.25:8.5:34"
+            f"{_range_hint(parts)}"
         ) from None
     if not 1 <= count <= 100_000:
         raise InputError(f"{name}: count = {count} is out of range: allowed is from 1 to 100000")
     if not (np.isfinite(start) and np.isfinite(stop)) or (count > 1 and not stop > start):
         raise InputError(
             f"{name} = {str(text)[:60]!r}: start and stop must be finite numbers, start before stop"
+            f"{_range_hint(parts)}"
         )
     return np.linspace(start, stop, count)
+
+
+def _range_hint(parts: list[str]) -> str:
+    """Return what a range that is refused was meant as, where it is start:step:stop or has decimal
+    commas.
+    """
+    if any("," in part for part in parts):
+        return "; the decimal sign is a point"
+    try:
+        found = steps_as_count(*map(float, parts))
+    except (TypeError, ValueError):
+        return ""
+    return f"; for steps of {float(parts[1]):g} write {found}" if found else ""
+
+
+def steps_as_count(start: float, step: float, stop: float) -> str:
+    """Return start:step:stop as start:stop:count; "" where it is no such range."""
+    if not (np.isfinite([start, step, stop]).all() and step > 0.0 and stop > start + step):
+        return ""
+    count = int(min((stop - start) / step + 1e-9, 1e6)) + 1
+    return f"{start:g}:{start + step * (count - 1):.6g}:{count}"
 
 
 def check_plane(bearing_number: np.ndarray, rotor_mass: np.ndarray) -> int:
@@ -214,7 +238,8 @@ def save_map(result: StabilityMap, path: str | Path) -> None:
 
 
 def load_map(path: str | Path) -> StabilityMap:
-    """Read a map file and check it; nothing is unpickled.
+    """Read a map file and check it, NPZ or the NetCDF that was exported from it; nothing is
+    unpickled.
 
     Raises
     ------
@@ -223,7 +248,11 @@ def load_map(path: str | Path) -> StabilityMap:
     InputError
         For a plane or design out of range.
     """
-    found = load(path, _SCHEMA)
+    source: str | Path | bytes = path
+    if is_netcdf(path):
+        with _SCHEMA.reading(path):
+            source = as_npz(path)
+    found = load(source, _SCHEMA)
     check_plane(found["bearing_number"], found["rotor_mass"])
     if np.any(np.isfinite(found["mle"]) != (found["status"] == "ok")):
         raise _SCHEMA.refusal(path, 'mle must be finite where status is "ok", and nowhere else')

@@ -1,4 +1,4 @@
-"""Plotly figures of one bearing: its linearised coefficients."""
+"""Plotly figures of one bearing: its linearised coefficients, and what it carries."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from plotly.subplots import make_subplots
 
 from spab_core.common.units import to_rpm
 from spab_core.linear_theory.coefficients import NAMES, Coefficients
+from spab_core.linear_theory.held import LoadCurves
 from spab_core.plotting.theme import DISC, JOURNAL, NEUTRAL, SECTION
 
 _LINES = {
@@ -59,3 +60,42 @@ def coefficient_figure(found: Coefficients, axis: str, mark: float | None = None
         hovermode="x unified",
         legend={"orientation": "h", "y": 1.12, "yanchor": "bottom", "x": 0},
     )
+
+
+def load_figure(curves: LoadCurves, rest: tuple[float | None, float] | None = None) -> go.Figure:
+    """Force against radial and, of a sphere, axial displacement, side by side.
+
+    Parameters
+    ----------
+    curves : LoadCurves
+    rest : tuple, optional
+        Radial eccentricity and axial displacement at rest, where lines are drawn.
+    """
+    columns = 2 if len(curves.axial) else 1
+    titles = ("Radial force, N", "Axial force, N")[:columns]
+    figure = make_subplots(1, columns, subplot_titles=titles, horizontal_spacing=0.12)
+    parts = (
+        (curves.radial, curves.radial_force, "radial eccentricity", JOURNAL),
+        (curves.axial, curves.axial_force, "axial displacement over C", SECTION),
+    )
+    for k, (x, y, title, colour) in enumerate(parts[:columns]):
+        figure.add_scatter(
+            x=x,
+            y=y,
+            mode="lines+markers",
+            line={"color": colour, "width": 2},
+            showlegend=False,
+            row=1,
+            col=k + 1,
+            hovertemplate="%{x:.3f}: %{y:.4s} N<extra></extra>",
+        )
+        figure.update_xaxes(title=title, row=1, col=k + 1)
+        if rest is not None and rest[k] is not None and len(x) and abs(rest[k] or 0.0) <= x[-1]:
+            figure.add_vline(
+                x=abs(rest[k] or 0.0),
+                line={"color": NEUTRAL, "dash": "dot", "width": 1},
+                row=1,
+                col=k + 1,
+            )
+    figure.update_yaxes(exponentformat="SI")
+    return figure.update_layout(height=275, margin={"l": 50, "r": 10, "t": 50, "b": 45})

@@ -9,8 +9,8 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from spab_core.design.model import Design
-from spab_core.maps.bifurcation import Bifurcation, chaotic_intervals
+from spab_core.maps.bifurcation import Bifurcation, bands
+from spab_core.plotting.bands import add_grade_bands
 from spab_core.plotting.theme import (
     BEARING_NUMBER_LABEL,
     CHOSEN,
@@ -18,9 +18,9 @@ from spab_core.plotting.theme import (
     JOURNAL,
     MASS_LABEL,
     NEUTRAL,
-    REGIME_COLOURS,
     SECTION,
 )
+from spab_core.trajectory.assessment import GRADE_WORDS, KINDS
 
 COORDINATES = ("X2", "Y2", "X1", "Y1")  # of the journal, of the disc; the columns of Branch.section
 SWEEP_COLOURS = {"cold": NEUTRAL, "up": JOURNAL, "down": SECTION}
@@ -52,8 +52,8 @@ def bifurcation_figure(
     Returns
     -------
     Figure
-        One trace a sweep and panel; chaotic intervals of the first sweep shaded. Over bearing
-        numbers a second axis on top has the speed in rpm.
+        One trace a sweep and panel; bands of what the first sweep's motions are worth behind them.
+        Over bearing numbers a second axis on top has the speed in rpm.
     """
     shown = [name for name in line.branches if sweeps is None or name in sweeps]
     rows, height = len(coordinates) + 1, 0.32 if len(coordinates) < 2 else 0.24
@@ -64,8 +64,7 @@ def bifurcation_figure(
         vertical_spacing=0.045,
         row_heights=[*[(1 - height) / max(rows - 1, 1)] * (rows - 1), height],
     )
-    speed = Design.from_dict(line.metadata["design"]).speed_rpm(1.0)
-    over_speed, legend = line.vary == "bearing-number", len(shown) > 1
+    speed, over_speed = line.design.speed_rpm(1.0), line.vary == "bearing-number"
     for name in shown:
         _add_sweep(figure, line, name, coordinates, speed)
     _title_axes(figure, line, coordinates)
@@ -73,17 +72,7 @@ def bifurcation_figure(
     low, high = float(line.values.min()) - step, float(line.values.max()) + step
     figure.add_hline(y=0, line={"color": NEUTRAL, "dash": "dash", "width": 1}, row=rows, col=1)
     if shown:
-        for start, stop in chaotic_intervals(line.values, line.branches[shown[0]].regime):
-            figure.add_shape(
-                type="rect",
-                x0=start - step / 2,
-                x1=stop + step / 2,
-                fillcolor=REGIME_COLOURS["chaotic"],
-                opacity=0.25,
-                line_width=0,
-                layer="below",
-                **_ALL_PANELS,
-            )
+        add_grade_bands(figure, line.values, bands(*line.judged(shown[0])))
     if mark is not None and low <= mark <= high:
         _add_mark(figure, mark)
     figure.update_xaxes(range=[low, high])
@@ -91,8 +80,8 @@ def bifurcation_figure(
         _rpm_axis(figure, low, high, speed)
     return figure.update_layout(
         height=620,
-        showlegend=legend,
-        margin={"l": 70, "r": 10, "t": 10 + 45 * over_speed + 25 * legend, "b": 45},
+        showlegend=True,
+        margin={"l": 70, "r": 10, "t": 35 + 45 * over_speed, "b": 45},
         legend={
             "orientation": "h",
             "yref": "container",
@@ -139,8 +128,11 @@ def _add_sweep(
         row=last,
         col=1,
         customdata=(speed * line.values).astype(np.float32),
-        text=branch.regime,
-        hovertemplate=f"{where}<br>%{{text}}, MLE %{{y:+.3f}}<extra>{name}</extra>",
+        text=[
+            f"{regime}, {GRADE_WORDS[grade]}{kind and ': '}{KINDS.get(kind, '')}"
+            for regime, grade, kind in zip(branch.regime, *line.judged(name), strict=True)
+        ],
+        hovertemplate=f"{where}<br>%{{text}}<br>MLE %{{y:+.3f}}<extra>{name}</extra>",
     )
 
 
@@ -170,6 +162,32 @@ def _add_mark(figure: go.Figure, value: float) -> None:
         showarrow=False,
         font={"color": GREEN, "size": 12},
     )
+
+
+def add_window(figure: go.Figure, start: float, stop: float, label: str) -> go.Figure:
+    """Outline an interval of the line, such as another work's chaos, through all panels of a
+    :func:`bifurcation_figure`; return the figure.
+    """
+    figure.add_shape(
+        type="rect",
+        x0=start,
+        x1=stop,
+        line={"color": SECTION, "width": 2, "dash": "dash"},
+        **_ALL_PANELS,
+    )
+    before = start - figure.layout.xaxis.range[0] > figure.layout.xaxis.range[1] - stop
+    figure.add_annotation(
+        x=start if before else stop,  # where more room is
+        xref="x",
+        y=0,
+        yref="paper",
+        yanchor="bottom",
+        xanchor="right" if before else "left",
+        text=label,
+        showarrow=False,
+        font={"color": SECTION, "size": 12},
+    )
+    return figure
 
 
 def _points(values: np.ndarray, section: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -20,6 +20,7 @@ from spab_core.plotting.theme import (
     GRADE_COLOURS,
     MASS_LABEL,
     MLE_LIMIT,
+    NEUTRAL,
     PERIOD_COLOURS,
     REGIME_COLOURS,
     class_layer,
@@ -137,13 +138,15 @@ def _add_line(
     pieces = contour_generator(x, y, z.T).lines(level)
     gap = np.full((1, 2), np.nan)
     path = np.concatenate([part for piece in pieces for part in (piece, gap)] or [gap])
-    for line, shown in (
-        ({"color": "#ffffff", "width": 4.5}, False),
-        ({"color": "#000000", "width": 2, "dash": dash}, True),
+    for line, shown, (along, up) in (
+        ({"color": "#ffffff", "width": 4.5}, False, path.T),
+        ({"color": "#000000", "width": 2, "dash": dash}, False, path.T),
+        # in the legend a grey that is seen on a dark page too
+        ({"color": NEUTRAL, "width": 2, "dash": dash}, True, ([None], [None])),
     ):
         figure.add_scatter(
-            x=path[:, 0],
-            y=path[:, 1],
+            x=along,
+            y=up,
             mode="lines",
             line=line,
             name=name,
@@ -228,8 +231,6 @@ def map_figure(
             "y": 0,
             "yanchor": "bottom",
             "x": 0,
-            "bgcolor": "#ffffff",
-            "font": {"color": "#000000"},
             "itemclick": False,
             "itemdoubleclick": False,
         },

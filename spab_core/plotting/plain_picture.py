@@ -30,6 +30,7 @@ translate:-50% -50%}
 .spab-key s.spab-square{width:11px;height:11px;margin:0 10px}
 </style>"""
 _GRID = "rgba(128,132,149,0.2)"
+_KEY, _PAD = 29, 8  # pixels: height of a row of the legend, Plotly's between a plot and its axes
 
 
 def _channels(scale: Iterable[tuple[float, str]]) -> tuple[np.ndarray, np.ndarray]:
@@ -103,7 +104,7 @@ def _lines(figure: go.Figure) -> str:
         "".join(
             _line(t, x, y)
             for t in figure.data
-            if t.type == "scatter" and t.mode == "lines" and t.line.color
+            if t.type == "scatter" and t.mode == "lines" and t.line.color and len(t.x) > 1
         ),
     )
 
@@ -252,7 +253,7 @@ def picture_of_map(figure: go.Figure) -> PlainPicture:
         f'<div class="spab-plot" style="margin:55px {right}px 67px 67px">'
         f'<img alt="" decoding="sync" src="data:image/png;base64,{_image(heat)}">{_lines(figure)}'
         f"{_svg(20, cross, 'spab-cross')}{_axes(layout, 56, 54)}{_bar(heat)}</div>"
-        f"{_legend(figure, 'margin-left:67px;background:#fff;color:#000')}"
+        f"{_legend(figure, 'margin-left:67px')}"
     )
     return PlainPicture(
         inside,
@@ -268,7 +269,11 @@ def picture_of_orbits(figure: go.Figure) -> str:
     HTML as :meth:`PlainPicture.marked`.
     """
     layout = figure.layout
-    side, (low, high) = layout.height - 111, layout.xaxis.range
+    # Plotly keeps a row of the legend free below the plot, and its distance, a share of the plot
+    top, share = layout.margin.t, -layout.legend.y
+    side = round((layout.height - top - _KEY) / (1.0 + share) - _PAD)
+    below = layout.height - top - side - _KEY - 10
+    low, high = layout.xaxis.range
     grid = "".join(
         f'<path d="M{at:.0f} 0V1000M0 {at:.0f}H1000" stroke="{_GRID}" '
         'vector-effect="non-scaling-stroke"/>'
@@ -277,7 +282,7 @@ def picture_of_orbits(figure: go.Figure) -> str:
     return _picture(
         '<b style="position:absolute;left:4px;top:4px;font-weight:600">'
         f"{html.escape(layout.title.text)}</b>"
-        '<div class="spab-plot" style="margin:30px 0 42px calc(50% + 20px - '
+        f'<div class="spab-plot" style="margin:{top}px 0 {below}px calc(50% + 20px - '
         f'{side / 2}px);width:{side}px">'
         f"{_svg(1000, grid)}{_lines(figure)}{_axes(layout, 51, 50)}</div>"
         f"{_legend(figure, 'margin:0 0 10px 45px')}",

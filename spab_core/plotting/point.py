@@ -16,7 +16,7 @@ from spab_core.trajectory.revolution import FORCES, Revolution, Surface, forces,
 from spab_core.trajectory.spectrum import Spectrum
 
 QUANTITIES = ("Pressure", "Film thickness")  # that may colour the film
-FILM_SHARE = 0.25  # of the sphere's radius: what one clearance is drawn as
+FILM_SHARE = 0.25  # of the bearing's radius: what one clearance is drawn as
 MAX_ORDER = 4.0
 _MAX_SECTION = 400  # points drawn over an orbit
 _COLOURS = {"film": JOURNAL, "contact": SECTION, "unbalance": DISC, "gravity": GREEN, "shaft": PINK}
@@ -337,25 +337,31 @@ def _triangles(around: int, across: int) -> dict[str, np.ndarray]:
     return {"i": corners[:, 0], "j": corners[:, 1], "k": corners[:, 2]}
 
 
-def _wall(edge: float) -> dict[str, np.ndarray]:
-    """The bearing's band up to the latitude ``edge`` as lines on the unit sphere: both edges, the
-    equator, 24 meridians.
-    """
-    circle, arc, gap = np.linspace(0.0, 2.0 * np.pi, 91), np.linspace(-edge, edge, 9), [np.nan]
+def _wall(film: Surface) -> dict[str, np.ndarray]:
+    """The bearing's wall as lines: both edges, the equator, 24 meridians."""
+    circle, gap, n = np.linspace(0.0, 2.0 * np.pi, 91), [np.nan], len(film.height)
     azimuth = [np.r_[circle, gap]] * 3 + [
-        np.r_[np.full(9, a), gap] for a in np.arange(24) * (np.pi / 12.0)
+        np.r_[np.full(n, a), gap] for a in np.arange(24) * (np.pi / 12.0)
     ]
-    latitude = [np.full(92, k * edge) for k in (-1.0, 0.0, 1.0)] + [np.r_[arc, gap]] * 24
-    a, l = np.concatenate(azimuth), np.concatenate(latitude)
-    points = (np.cos(l) * np.cos(a), np.cos(l) * np.sin(a), np.sin(l) + 0.0 * a)
+    a = np.concatenate(azimuth)
+    radius, height = (
+        np.concatenate(
+            [np.full(92, values[k]) for k in (0, n // 2, -1)] + [np.r_[values, gap]] * 24
+        )
+        for values in (film.radius, film.height)
+    )
+    points = (radius * np.cos(a), radius * np.sin(a), height + 0.0 * a)
     return dict(zip("xyz", (p.astype(np.float32) for p in points), strict=True))
 
 
-def _sphere(film: Surface, radius: float | np.ndarray) -> dict[str, np.ndarray]:
-    """Points of the band, flat, at a radius for all or one for each of (azimuths, latitudes)."""
+def _journal(film: Surface, thickness: np.ndarray, flare: np.ndarray) -> dict[str, np.ndarray]:
+    """Points of the journal's surface, flat, a drawn film of (azimuths, latitudes) within the wall;
+    ``flare`` is how much of it lies along the axis: the sphere's normal, none on a cylinder.
+    """
     cos, sin = np.cos(film.azimuth)[:, None], np.sin(film.azimuth)[:, None]
-    across, up = np.cos(film.latitude), np.sin(film.latitude)
-    points = np.broadcast_arrays(radius * across * cos, radius * across * sin, radius * up)
+    inward = FILM_SHARE * thickness
+    across, up = film.radius * (1.0 - inward), film.height - flare * inward
+    points = np.broadcast_arrays(across * cos, across * sin, up)
     return dict(zip("xyz", (a.ravel().astype(np.float32) for a in points), strict=True))
 
 
@@ -383,14 +389,16 @@ def film_figure(revolution: Revolution, colour: str = "Pressure") -> go.Figure:
         values, quantity, unit = 1e6 * d.bearing.clearance * film.thickness, "thickness", "µm"
         scale = {"colorscale": "Cividis", "cmin": 0.0, "cmax": float(values.max())}
 
+    flare = np.zeros_like(film.height) if d.bearing.cylindrical else film.height
+
     def journal(k: int) -> dict[str, np.ndarray]:
-        return _sphere(film, 1.0 - FILM_SHARE * film.thickness[k]) | {
+        return _journal(film, film.thickness[k], flare) | {
             "intensity": values[k].ravel().astype(np.float32)
         }
 
     first = go.Mesh3d(
         **journal(0),
-        **_triangles(len(film.azimuth), len(film.latitude)),
+        **_triangles(len(film.azimuth), len(film.height)),
         **scale,
         name="journal",
         colorbar={
@@ -408,8 +416,8 @@ def film_figure(revolution: Revolution, colour: str = "Pressure") -> go.Figure:
         go.Frame(data=[go.Mesh3d(**journal(k))], traces=[0], name=name)
         for k, name in enumerate(names)
     ]
-    figure = go.Figure([first, *_wall_and_axes(film.latitude[-1])], frames=frames)
-    hidden, flat = {"visible": False, "range": [-1.2, 1.2]}, float(np.sin(film.latitude).max())
+    figure = go.Figure([first, *_wall_and_axes(film)], frames=frames)
+    hidden, flat = {"visible": False, "range": [-1.2, 1.2]}, float(film.height.max())
     return figure.update_layout(
         height=380,
         margin={"l": 0, "r": 0, "t": 0, "b": 80},
@@ -426,11 +434,11 @@ def film_figure(revolution: Revolution, colour: str = "Pressure") -> go.Figure:
     )
 
 
-def _wall_and_axes(edge: float) -> list[go.Scatter3d]:
-    """The bearing's band up to the latitude ``edge`` and the names of the directions."""
+def _wall_and_axes(film: Surface) -> list[go.Scatter3d]:
+    """The bearing's wall and the names of the directions."""
     return [
         go.Scatter3d(
-            **_wall(edge),
+            **_wall(film),
             mode="lines",
             line={"color": NEUTRAL, "width": 3},
             hoverinfo="skip",

@@ -2,31 +2,38 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
+
 import pandas as pd
 import plotly.graph_objects as go
 
+from spab_core.maps.bifurcation import Bifurcation, bands
 from spab_core.maps.sensitivity import MachineMargin
-from spab_core.plotting.theme import (
-    GREEN,
-    JOURNAL,
-    NEUTRAL,
-    REGIME_COLOURS,
-    SECTION,
-    add_legend_square,
-)
-from spab_core.trajectory.regimes import NO_EXPONENT
+from spab_core.plotting.bands import add_grade_bands
+from spab_core.plotting.theme import JOURNAL, NEUTRAL, PINK, SECTION
+from spab_core.trajectory.assessment import GRADE_WORDS, KINDS
 
 _UNITS = {"speed": "rpm", "mass": "kg"}
 
 
-def _colour(regime: str) -> str:
-    """Colour of a regime of an interval, where a failed run is ``NO_EXPONENT``."""
-    return REGIME_COLOURS["" if regime == NO_EXPONENT else regime]
+def _bar_words(row: Any, axis: str) -> str:
+    """What a changed design is worth, and what begins or ends on each side."""
+    if pd.isna(row.distance):
+        return ""
+    told = [GRADE_WORDS[row.assessment] + (f": {KINDS[row.why]}" if row.why else "")]
+    told += [
+        f"{way}: {KINDS[what]} at {value:,.5g} {_UNITS[axis]}"
+        for way, value, what in (
+            ("below", row.below, row.below_what),
+            ("above", row.above, row.above_what),
+        )
+        if what
+    ]
+    return "<br>".join(told)
 
 
 def tornado_figure(base: MachineMargin, table: pd.DataFrame) -> go.Figure:
-    """How the distance to the nearest border moves with each value of the drawing, the largest
+    """How the distance to what is to be avoided moves with each value of the drawing, the largest
     effect on top.
 
     Parameters
@@ -39,7 +46,7 @@ def tornado_figure(base: MachineMargin, table: pd.DataFrame) -> go.Figure:
     -------
     Figure
         Bars from the margin of the design as it is, in % of the operating point; negative: the
-        point itself is unstable.
+        point itself is to be avoided.
     """
     figure = go.Figure()
     names = list(dict.fromkeys(table["value"]))[::-1]
@@ -56,10 +63,11 @@ def tornado_figure(base: MachineMargin, table: pd.DataFrame) -> go.Figure:
             orientation="h",
             name=label,
             marker={"color": colour},
-            customdata=np.column_stack([reach, rows["below"], rows["above"]]),
-            hovertemplate=f"%{{y}} {label}: margin %{{customdata[0]:.1f}} %<br>borders at "
-            f"%{{customdata[1]:,.4r}}"
-            f" and %{{customdata[2]:,.4r}} {_UNITS[base.axis]}<extra></extra>",
+            text=[_bar_words(row, base.axis) for row in rows.itertuples()],
+            textposition="none",
+            customdata=reach,
+            hovertemplate=f"%{{y}} {label}: margin %{{customdata:.1f}} %<br>%{{text}}"
+            "<extra></extra>",
         )
     figure.add_vline(x=start, line={"color": NEUTRAL, "width": 1})
     figure.add_vline(x=0.0, line={"color": SECTION, "dash": "dash", "width": 1})
@@ -67,63 +75,61 @@ def tornado_figure(base: MachineMargin, table: pd.DataFrame) -> go.Figure:
         barmode="overlay",
         height=120 + 55 * max(len(names), 1),
         margin={"l": 110, "r": 10, "t": 30, "b": 50},
-        xaxis={"title": f"margin in {base.axis}, % of the operating point (under 0: unstable)"},
+        xaxis={
+            "title": f"margin in {base.axis}, % of the operating point (under 0: not recommended)"
+        },
         legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0},
     )
 
 
-def run_up_figure(
-    speed_rpm: np.ndarray, mle: np.ndarray, contact_share: np.ndarray, intervals: pd.DataFrame
-) -> go.Figure:
-    """A machine's run-up: exponent and time in contact over the speed, regimes as coloured bands.
+def run_up_figure(line: Bifurcation, sweep: str = "up") -> go.Figure:
+    """A machine's run-up: largest eccentricity and time in contact over the speed, before bands of
+    what the motion is worth.
 
     Parameters
     ----------
-    speed_rpm, mle, contact_share : ndarray, (n,)
-        Speed, exponent per revolution (nan where a run failed) and share of the time in contact.
-    intervals : DataFrame
-        Of ``maps.sensitivity.regime_intervals`` over the speed.
+    line : Bifurcation
+        Over bearing numbers.
+    sweep : str
+        Of the line's branches.
     """
+    branch, speed_rpm = line.branches[sweep], line.design.speed_rpm(1.0) * line.values
     figure = go.Figure()
-    half = 0.5 * float(np.diff(speed_rpm).min()) if len(speed_rpm) > 1 else 0.0
-    for regime in dict.fromkeys(intervals["regime"]):
-        add_legend_square(figure, regime, _colour(regime))
-    for row in intervals.itertuples():
-        figure.add_vrect(
-            x0=row.start - half,
-            x1=row.stop + half,
-            fillcolor=_colour(row.regime),
-            opacity=0.35,
-            line_width=0,
-            layer="below",
-        )
+    add_grade_bands(figure, speed_rpm, bands(*line.judged(sweep)))
     figure.add_scatter(
         x=speed_rpm,
-        y=mle,
+        y=branch.max_eccentricity,
         mode="lines+markers",
-        name="MLE",
+        name="largest eccentricity",
         line={"color": JOURNAL},
         marker={"size": 4},
+        text=[
+            f"{regime or status}, {GRADE_WORDS[grade]}{kind and ': '}{KINDS.get(kind, '')}"
+            for regime, status, grade, kind in zip(
+                branch.regime, branch.status, *line.judged(sweep), strict=True
+            )
+        ],
+        hovertemplate="%{x:,.0f} rpm: %{y:.3f}<br>%{text}<extra></extra>",
     )
     figure.add_scatter(
         x=speed_rpm,
-        y=100.0 * contact_share,
+        y=100.0 * branch.contact_share,
         mode="lines",
         name="time in contact",
         yaxis="y2",
-        line={"color": GREEN, "dash": "dot"},
+        line={"color": PINK, "dash": "dot"},
     )
-    figure.add_hline(y=0.0, line={"color": NEUTRAL, "dash": "dash", "width": 1})
     return figure.update_layout(
         height=360,
         margin={"l": 60, "r": 60, "t": 30, "b": 50},
         xaxis={"title": "Speed, rpm", "showgrid": False},
-        yaxis={"title": "MLE per revolution", "range": [-1.0, 0.7]},
+        yaxis={"title": "largest eccentricity, over C", "range": [0.0, 1.1], "dtick": 0.25},
         yaxis2={
             "title": "time in contact, %",
             "overlaying": "y",
             "side": "right",
-            "range": [0.0, 100.0],
+            "range": [0.0, 110.0],
+            "dtick": 25,
             "showgrid": False,
         },
         legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0},

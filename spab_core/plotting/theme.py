@@ -25,6 +25,7 @@ GRADE_COLOURS = {  # by trajectory.assessment.GRADES
     "watch": "#F0E442",
     "avoid": "#D55E00",
 }
+GRADE_MARKS = {"good": "✓", "watch": "!", "avoid": "✕"}  # colour is never alone
 PERIOD_COLOURS = (REGIME_COLOURS["periodic"], "#0072B2", "#00334d")  # period 1, 2, 3 and more
 CHOSEN = "chosen point"  # name of the trace that marks it
 MLE_LIMIT = 0.6  # the colours saturate there; exponents of settled cells go far below

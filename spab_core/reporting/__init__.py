@@ -2,6 +2,7 @@
 
 Module               What it answers
 -------------------  ----------------------------------------
-export               Figures as HTML and PNG, maps as NetCDF and CSV
+datasets             Maps, lines, points as named arrays with units: NetCDF, MATLAB
+export               Figures as HTML and PNG; any result as a file for others
 report               Design, points, figures, versions and command lines in one HTML file or PDF
 """

@@ -1,42 +1,51 @@
-"""Results as files for others: figures as HTML and PNG, maps as NetCDF and CSV."""
+"""Results as files for others: figures as HTML and PNG; maps, lines and points as CSV, NetCDF and
+MATLAB files.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import functools
-import io
-import json
+from collections.abc import Callable
+from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 from choreographer.browsers.chromium import Chromium
 from choreographer.errors import ChromeNotFoundError
-from scipy.io import netcdf_file, netcdf_variable
 
+from spab_core.active_learning.quick_map import as_map
+from spab_core.active_learning.refine import load_refinement
 from spab_core.common.errors import InputError
-from spab_core.maps.stability_map import FIELDS, StabilityMap
-from spab_core.solver.stepping import STATUS
+from spab_core.common.files import csv_bytes
+from spab_core.common.npz import UNREADABLE, open_npz
+from spab_core.maps.bifurcation import load_bifurcation
+from spab_core.maps.stability_map import StabilityMap, load_map
+from spab_core.reporting.datasets import (
+    Dataset,
+    line_dataset,
+    map_dataset,
+    map_table,
+    matlab_bytes,
+    netcdf_bytes,
+    point_dataset,
+)
 from spab_core.surrogates.models import PredictedMap
-from spab_core.trajectory.assessment import GRADES
-from spab_core.trajectory.regimes import NO_EXPONENT, REGIMES
+from spab_core.trajectory.point_file import load_point
+
+__all__ = [
+    "PNG_SIZE",
+    "WRITERS",
+    "browser_path",
+    "figure_html",
+    "figure_png",
+    "map_netcdf",
+    "map_table",
+    "prediction_table",
+    "result_dataset",
+]
 
 PNG_SIZE = (1200, 750)
-# text arrays become numbers whose meanings are listed: NetCDF 3 has no strings
-_CODES = {"regime": (NO_EXPONENT, *REGIMES), "status": STATUS, "assessment": GRADES}
-_NUMBERS = {
-    "mle": ("maximum Lyapunov exponent, natural logarithm", "per revolution"),
-    "mle_standard_error": ("standard error of the exponent", "per revolution"),
-    "contact_share": ("share of the time in which the wall carries over a tenth of the load", "1"),
-    "max_eccentricity": ("largest eccentricity of the journal over the clearance", "1"),
-    "period": ("period of the orbit, 0 unless periodic", "revolutions"),
-    "revolutions": ("revolutions integrated", "revolutions"),
-    "orbit_amplitude": (
-        "half the longer side of the box around the orbit, over the clearance",
-        "1",
-    ),
-    "thin_film_share": ("share of the time at an eccentricity above 0.9", "1"),
-    "peak_contact_force": ("largest normal force of the asperities", "N"),
-}
 
 
 @functools.cache
@@ -77,17 +86,6 @@ def figure_png(figure: go.Figure, width: int = PNG_SIZE[0], height: int = PNG_SI
         ) from None
 
 
-def map_table(m: StabilityMap) -> pd.DataFrame:
-    """Return a map as a table of B M rows, one a cell, in the order of ``mle.ravel()``."""
-    columns: dict[str, np.ndarray] = {
-        "bearing_number": np.repeat(m.bearing_number, len(m.rotor_mass)),
-        "speed_rpm": np.repeat(m.design.speed_rpm(1.0) * m.bearing_number, len(m.rotor_mass)),
-        "rotor_mass_kg": np.tile(m.rotor_mass, len(m.bearing_number)),
-    }
-    cells = {name: getattr(m, name).ravel() for name in FIELDS}
-    return pd.DataFrame(columns | cells | {"assessment": m.grades().ravel()})
-
-
 def prediction_table(m: StabilityMap, predicted: PredictedMap) -> pd.DataFrame:
     """Return a predicted map beside the solved one, one row a cell as in :func:`map_table`."""
     return map_table(m)[["bearing_number", "speed_rpm", "rotor_mass_kg", "mle"]].assign(
@@ -96,48 +94,39 @@ def prediction_table(m: StabilityMap, predicted: PredictedMap) -> pd.DataFrame:
 
 
 def map_netcdf(m: StabilityMap) -> bytes:
-    """Return a map as a NetCDF file (classic format) with units; regime and status are flags by
-    the CF conventions, section 3.5.
+    """Return a map as a NetCDF file (:func:`spab_core.reporting.datasets.netcdf_bytes`), which
+    ``load_map`` reads.
     """
-    buffer = io.BytesIO()
-    file = netcdf_file(buffer, "w")
-    file.title, file.Conventions = (
-        "Stability map of a rotor on spherical porous gas bearings",
-        "CF-1.11",
-    )
-    file.metadata = json.dumps(m.metadata)
-    axes = {
-        "bearing_number": (m.bearing_number, "bearing number", "1"),
-        "rotor_mass": (m.rotor_mass, "rotor mass on one bearing", "kg"),
-    }
-    for name, (values, text, unit) in axes.items():
-        file.createDimension(name, len(values))
-        _variable(file, name, values.astype(float), (name,), text, unit)
-    for name, (text, unit) in _NUMBERS.items():
-        _variable(file, name, getattr(m, name), tuple(axes), text, unit)
-    words = {
-        "regime": np.where(m.regime == "", NO_EXPONENT, m.regime),
-        "status": m.status,
-        "assessment": m.grades(),
-    }
-    for name, meanings in _CODES.items():
-        code = np.argmax(words[name][..., None] == np.array(meanings), -1).astype(np.int8)
-        variable = _variable(file, name, code, tuple(axes), name, "1")
-        variable.flag_values = np.arange(len(meanings), dtype=np.int8)
-        variable.flag_meanings = " ".join(word.replace(" ", "_") for word in meanings)
-    file.flush()
-    return buffer.getvalue()
+    return netcdf_bytes(map_dataset(m))
 
 
-def _variable(
-    file: netcdf_file,
-    name: str,
-    values: np.ndarray,
-    dimensions: tuple[str, ...],
-    text: str,
-    unit: str,
-) -> netcdf_variable:
-    variable = file.createVariable(name, values.dtype, dimensions)
-    variable[:] = values
-    variable.long_name, variable.units = text, unit
-    return variable
+def result_dataset(path: str | Path) -> Dataset:
+    """Return the map, line, operating point or refinement in a file, as a dataset; of a refinement
+    the map of its solved and predicted cells.
+
+    Raises
+    ------
+    InputError
+        For any other file.
+    """
+    found = ""
+    with contextlib.suppress(*UNREADABLE), open_npz(path) as file:
+        found = next((name for name in ("values", "trace", "batch", "trained") if name in file), "")
+    if found == "values":
+        return line_dataset(load_bifurcation(path))
+    if found == "trace":
+        return point_dataset(load_point(path))
+    if found == "batch":
+        return map_dataset(as_map(load_refinement(path)))
+    if found == "trained":
+        raise InputError(
+            f"{str(path)[:200]!r} is a predicted map, exponents alone: load it with numpy.load"
+        )
+    return map_dataset(load_map(path))
+
+
+WRITERS: dict[str, Callable[[Dataset], bytes]] = {
+    ".nc": netcdf_bytes,
+    ".csv": lambda data: csv_bytes(data.table),
+    ".mat": matlab_bytes,
+}

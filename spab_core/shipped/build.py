@@ -24,6 +24,8 @@ from spab_core.maps.stability_map import StabilityMap, load_map, save_map
 from spab_core.shipped.manifest import (
     ARTIFACTS,
     BLOCK_SCORES,
+    FLOORED_PREDICTIONS,
+    FLOORED_SCORES,
     PREDICTIONS,
     REFERENCE_MAP,
     SCORES,
@@ -45,15 +47,26 @@ from spab_core.shipped.model_files import (
     predictions,
 )
 from spab_core.shipped.model_store import DEFAULT, train_on_map, training_cells
+from spab_core.shipped.predicted_maps import maps_file
 from spab_core.shipped.provenance import (
+    design_hash,
     difference,
     intervals_source,
     made_from,
+    map_hash,
     mask_hash,
     model_source,
 )
 from spab_core.surrogates.metrics import SEEDS, evaluate, uncertainty_scores
-from spab_core.surrogates.models import DIVISORS, MODELS, Model, training_mask
+from spab_core.surrogates.models import (
+    DIVISORS,
+    FLOOR,
+    MODELS,
+    Model,
+    floor_of,
+    floored,
+    training_mask,
+)
 from spab_core.surrogates.uncertainty import TooFewCells, certainty, uncertain_map
 
 # tables of errors by file: the models in them (None: all), and options of metrics.evaluate
@@ -61,6 +74,7 @@ TABLES: dict[str, tuple[tuple[str, ...] | None, dict[str, Any]]] = {
     SCORES: (None, {}),
     BLOCK_SCORES: (None, {"split": "blocks"}),
     UNCERTAINTY: (("theory-trees",), {"uncertainty": True}),
+    FLOORED_SCORES: (None, {"floor": FLOOR}),
 }
 ALWAYS = (
     ("forest", 8),
@@ -86,7 +100,8 @@ class _Trained:
     description : dict
         Of the model, for the metadata of the maps and the manifest.
     file : bytes or None
-        None for interpolations, which have none, and for files that are too large.
+        None for interpolations, which have none, for files that are too large, and for models of a
+        map with a floor.
     noted : dict
         Predictions, for the manifest.
     """
@@ -101,6 +116,8 @@ def _train(m: StabilityMap, name: str, divisor: int) -> _Trained:
     kind = MODELS[name]
     predicted = train_on_map(m, kind, divisor, SEED)
     surrogate, data = predicted.surrogate, None
+    if floor_of(m) is not None:
+        return _Trained(rounded(predicted.mle), describe(surrogate), None, {})
     if (name, divisor) in ALWAYS:
         data = dump(slim(plain(surrogate)))
     elif (
@@ -213,7 +230,11 @@ def rebuild(
         }
     trained = _train_all(m, models, divisors, workers, progress)
     written = {name: _table_bytes(scores) for name, scores in tables.items()}
-    written[PREDICTIONS] = _maps_bytes(m, source, models, divisors, trained)
+    written[PREDICTIONS] = _maps_bytes(m, models, divisors, trained)
+    if all(of_figures := _of_figures(m, models, divisors)):
+        low = floored(m, FLOOR)
+        maps = _train_all(low, *of_figures, workers, progress)
+        written[FLOORED_PREDICTIONS] = _maps_bytes(low, *of_figures, maps)
     sources = dict.fromkeys(written, source)
     for name, divisor in (job for job in INTERVALS if job in trained):
         with contextlib.suppress(TooFewCells):
@@ -269,9 +290,22 @@ def _table_bytes(scores: pd.DataFrame) -> bytes:
     return csv_bytes(scores[kept])
 
 
+def _of_figures(
+    m: StabilityMap, models: Sequence[Model], divisors: Sequence[int]
+) -> tuple[list[Model], list[int]]:
+    """Return the models and divisors whose maps with a floor are shipped, those of the paper's
+    figures.
+    """
+    low = floored(m, FLOOR)
+    found = [(k, d) for k in models for d in divisors if maps_file(low, k, d)]
+    return (
+        [k for k in models if k in {kind for kind, _ in found}],
+        [d for d in divisors if d in {divisor for _, divisor in found}],
+    )
+
+
 def _maps_bytes(
     m: StabilityMap,
-    source: dict[str, Any],
     models: Sequence[Model],
     divisors: Sequence[int],
     trained: dict[tuple[str, int], _Trained],
@@ -283,8 +317,8 @@ def _maps_bytes(
     metadata = {
         "seed": SEED,
         "divisors": list(divisors),
-        "design": source["design"],
-        "map": source["map"],
+        "design": design_hash(m.design),
+        "map": map_hash(m),
         "models": {name: [row.description for row in group] for name, group in rows.items()},
         "masks": [mask_hash(training_cells(m, divisor, SEED)) for divisor in divisors],
         "mle_unit": "per revolution, natural logarithm",

@@ -26,6 +26,9 @@ SCORES = "surrogate_scores.csv"
 BLOCK_SCORES = "surrogate_scores_blocks.csv"  # on withheld rectangles of the plane
 UNCERTAINTY = "surrogate_uncertainty.csv"  # regimes, intervals, probability of instability
 PREDICTIONS = "surrogate_maps.npz"
+# the same of the map whose exponents end at models.FLOOR
+FLOORED_SCORES = "surrogate_scores_floored.csv"
+FLOORED_PREDICTIONS = "surrogate_maps_floored.npz"  # of the paper's models and figures alone
 # measured by benchmarks/surrogates.py: not part of what is rebuilt to the bit
 SECONDS = "surrogate_seconds.csv"
 MANIFEST = "manifest.json"
@@ -169,19 +172,20 @@ def load_reference_bifurcation(name: str, folder: Path = ARTIFACTS) -> Bifurcati
     return load_bifurcation(checked_path(name, folder))
 
 
-def load_reference_scores(folder: Path = ARTIFACTS) -> pd.DataFrame:
-    """Load the shipped scores of all surrogates on the reference map (``metrics.evaluate``).
+def load_reference_scores(folder: Path = ARTIFACTS, name: str = SCORES) -> pd.DataFrame:
+    """Load shipped scores of all surrogates on the reference map (``metrics.evaluate``).
 
-    Raises :class:`ArtifactError`.
+    ``name`` is one of :data:`SCORES`, :data:`BLOCK_SCORES` and those with a floor. Raises
+    :class:`ArtifactError`.
     """
     try:
-        scores = pd.read_csv(io.BytesIO(checked_bytes(SCORES, folder)))
+        scores = pd.read_csv(io.BytesIO(checked_bytes(name, folder)))
         if scores.empty or not {"model", "divisor", "seed", "rmse_held_out", "converged"} <= set(
             scores.columns
         ):
             raise ValueError("columns are missing")
     except (OSError, ValueError) as error:
-        raise ArtifactError(f"cannot read {SCORES}: {error}") from None
+        raise ArtifactError(f"cannot read {name}: {error}") from None
     return scores
 
 

@@ -31,6 +31,7 @@ from spab_core.surrogates.models import (
     PredictedMap,
     Progress,
     Surrogate,
+    floor_of,
     predict_map,
     solved_cells,
     training_mask,
@@ -140,8 +141,8 @@ def find_or_train(
     progress: Progress | None,
 ) -> tuple[ModelWithOrigin, PredictedMap | None]:
     """Return the model, and the predicted map too if the model had to be trained."""
-    notes = []
-    if folder is not None and seed == SEED and is_shipped(model_file(kind, divisor), folder):
+    notes, folder = [], _models_folder(m, seed, folder)
+    if folder is not None and is_shipped(model_file(kind, divisor), folder):
         try:
             return ModelWithOrigin(
                 load_shipped_model(m, kind, divisor, seed, folder), "shipped"
@@ -199,6 +200,11 @@ def is_shipped(name: str, folder: Path) -> bool:
         return False
 
 
+def _models_folder(m: StabilityMap, seed: int, folder: Path | None) -> Path | None:
+    """Return the folder if models like these are shipped: of one draw, and without a floor."""
+    return folder if seed == SEED and floor_of(m) is None else None
+
+
 def find_certainty(
     m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, *, folder: Path | None = ARTIFACTS
 ) -> tuple[Certainty, tuple[str, ...]]:
@@ -230,7 +236,8 @@ def shipped_certainty(
     m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, folder: Path | None = ARTIFACTS
 ) -> tuple[Certainty | None, tuple[str, ...]]:
     """As :func:`find_certainty`, but return None if no shipped models can be used."""
-    if folder is not None and seed == SEED and is_shipped(intervals_file(kind, divisor), folder):
+    folder = _models_folder(m, seed, folder)
+    if folder is not None and is_shipped(intervals_file(kind, divisor), folder):
         try:
             return load_shipped_certainty(m, kind, divisor, seed, folder), ()
         except ArtifactError as error:

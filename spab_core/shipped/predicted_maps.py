@@ -14,7 +14,14 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from spab_core.common.arrays import Array, Schema, load
 from spab_core.common.npz import npz_bytes
 from spab_core.maps.stability_map import StabilityMap
-from spab_core.shipped.manifest import ARTIFACTS, PREDICTIONS, SECONDS, ArtifactError, checked_bytes
+from spab_core.shipped.manifest import (
+    ARTIFACTS,
+    FLOORED_PREDICTIONS,
+    PREDICTIONS,
+    SECONDS,
+    ArtifactError,
+    checked_bytes,
+)
 from spab_core.shipped.model_files import SEED
 from spab_core.shipped.model_store import (
     find_model,
@@ -24,8 +31,16 @@ from spab_core.shipped.model_store import (
     training_cells,
 )
 from spab_core.shipped.provenance import design_hash, difference, map_hash, mask_hash
-from spab_core.surrogates.models import Model, PredictedMap, Progress, Surrogate
+from spab_core.surrogates.models import (
+    FLOOR,
+    Model,
+    PredictedMap,
+    Progress,
+    Surrogate,
+    floor_of,
+)
 
+FIGURE_DIVISORS = (2, 4, 8)  # of the paper's figures 11 to 22
 _MAPS_JSON = {"metadata": ("divisors", "models", "masks")}  # of the file of predicted maps
 
 
@@ -65,6 +80,18 @@ class ServedMap(PredictedMap):
     note: str = ""
 
 
+def maps_file(m: StabilityMap, kind: Model, divisor: int) -> str | None:
+    """Return the name of the shipped file that holds a predicted map; None where none is shipped.
+
+    Of a map with a floor (``models.floored``) only those of the paper's figures are.
+    """
+    floor = floor_of(m)
+    if floor is None:
+        return PREDICTIONS
+    of_figures = kind.group == "paper" and divisor in FIGURE_DIVISORS
+    return FLOORED_PREDICTIONS if floor == FLOOR and of_figures else None
+
+
 def load_shipped_map(
     m: StabilityMap, kind: Model, divisor: int, seed: int = SEED, folder: Path = ARTIFACTS
 ) -> ServedMap:
@@ -78,18 +105,19 @@ def load_shipped_map(
         If it is not shipped, is damaged, or was predicted for another design, from another map, or
         from other cells than the seed draws here.
     """
-    data, retrain = checked_bytes(PREDICTIONS, folder), "`spab train --all` makes it again"
+    file, retrain = maps_file(m, kind, divisor), "`spab train --all` makes it again"
+    if file is None:
+        raise ArtifactError(f"no map predicted by {kind.label} from n/{divisor} is shipped")
+    data = checked_bytes(file, folder)
     wanted = {"design": design_hash(m.design), "map": map_hash(m), "seed": seed}
     noted = load(data, Schema("predicted maps", {}, _MAPS_JSON, ArtifactError, f"; {retrain}"))[
         "metadata"
     ]
     if apart := difference(noted, wanted):
-        raise ArtifactError(
-            f"the predicted maps of {PREDICTIONS} are not shown: {apart}; {retrain}"
-        )
+        raise ArtifactError(f"the predicted maps of {file} are not shown: {apart}; {retrain}")
     plane = ("bearing_number", "rotor_mass")
     schema = Schema(
-        f"map predicted by {kind.label} in {PREDICTIONS}",
+        f"map predicted by {kind.label} in {file}",
         {kind.name: Array(np.float32, ("divisor", *plane))},
         error=ArtifactError,
         advice=f"; {retrain}",
@@ -107,10 +135,12 @@ def load_shipped_map(
     trained = training_cells(m, divisor, seed)
     if mask_hash(trained) != expected_mask:
         raise ArtifactError(
-            f"the predicted maps of {PREDICTIONS} are not shown: this version of numpy draws other "
+            f"the predicted maps of {file} are not shown: this version of numpy draws other "
             f"training cells; {retrain}"
         )
-    train_seconds, predict_seconds = measured_seconds(kind, divisor, folder)
+    train_seconds, predict_seconds = (
+        measured_seconds(kind, divisor, folder) if file == PREDICTIONS else (float("nan"),) * 2
+    )
     surrogate = Surrogate(
         kind, ModelOnDemand(m, kind, divisor, seed, folder), seed, cells, train_seconds, converged
     )
@@ -142,8 +172,8 @@ def find_map(
 
     Parameters and errors are those of :func:`find_model`.
     """
-    note = ""
-    if seed == SEED and is_shipped(PREDICTIONS, folder):
+    note, file = "", maps_file(m, kind, divisor)
+    if seed == SEED and file and is_shipped(file, folder):
         try:
             return load_shipped_map(m, kind, divisor, seed, folder)
         except ArtifactError as error:

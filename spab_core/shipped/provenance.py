@@ -51,7 +51,7 @@ def _meaning(name: str, version: object) -> str:
 
 def design_hash(design: Design) -> str:
     """Return the SHA-256 of a design's values."""
-    return hashlib.sha256(json.dumps(design.to_dict(), sort_keys=True).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(design.told(), sort_keys=True).encode()).hexdigest()
 
 
 def map_hash(m: StabilityMap) -> str:

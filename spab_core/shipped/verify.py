@@ -17,9 +17,9 @@ from spab_core.shipped.build import MAX_FOLDER_BYTES, TABLES, TOLERANCE, _is_mod
 from spab_core.shipped.manifest import (
     ARTIFACTS,
     BIFURCATIONS,
+    FLOORED_PREDICTIONS,
     PREDICTIONS,
     REFERENCE_MAP,
-    SCORES,
     ArtifactError,
     checked_bytes,
     load_reference_bifurcation,
@@ -30,10 +30,10 @@ from spab_core.shipped.manifest import (
 )
 from spab_core.shipped.model_files import SEED, intervals_file, load_shipped_model, model_file
 from spab_core.shipped.model_store import predict_with
-from spab_core.shipped.predicted_maps import load_shipped_map
+from spab_core.shipped.predicted_maps import load_shipped_map, maps_file
 from spab_core.shipped.provenance import difference, made_from
 from spab_core.surrogates.metrics import errors
-from spab_core.surrogates.models import DIVISORS, MODELS
+from spab_core.surrogates.models import DIVISORS, FLOOR, MODELS, floored
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def verify(folder: Path = ARTIFACTS) -> Iterator[Check]:
         if name in files:
             yield _checked(f"{name}: a line of the reference bearing", _check_line, name, folder)
     source = made_from(m)
-    for name in (*TABLES, PREDICTIONS):
+    for name in (*TABLES, PREDICTIONS, FLOORED_PREDICTIONS):
         apart = (
             difference(files[name].get("made_from"), source) if name in files else "it is missing"
         )
@@ -106,13 +106,17 @@ def verify(folder: Path = ARTIFACTS) -> Iterator[Check]:
             f"{name}: versions, code, design, map",
             f"{apart}; `spab train --all` makes it again" if apart else "",
         )
-    yield _checked(
-        f"{SCORES}: every model and fraction, and the errors of the shipped maps",
-        _check_scores,
-        m,
-        folder,
-    )
-    yield _checked(f"{PREDICTIONS}: every model and fraction", _check_maps, m, folder)
+    for name, (_, options) in TABLES.items():
+        if options.keys() <= {"floor"}:  # whose predicted maps are shipped
+            yield _checked(
+                f"{name}: every model and fraction, and the errors of the shipped maps",
+                _check_scores,
+                floored(m, options.get("floor")),
+                name,
+                folder,
+            )
+    for name, floor in ((PREDICTIONS, None), (FLOORED_PREDICTIONS, FLOOR)):
+        yield _checked(f"{name}: every model and fraction", _check_maps, floored(m, floor), folder)
     for name in filter(_is_model, sorted(files)):
         yield _checked(
             f"{name}: versions, code, design, map; predicts "
@@ -153,11 +157,12 @@ def _check_line(name: str, folder: Path) -> None:
 def _check_maps(m: StabilityMap, folder: Path) -> None:
     for kind in MODELS.values():
         for divisor in DIVISORS:
-            load_shipped_map(m, kind, divisor, SEED, folder)
+            if maps_file(m, kind, divisor):
+                load_shipped_map(m, kind, divisor, SEED, folder)
 
 
-def _check_scores(m: StabilityMap, folder: Path) -> None:
-    scores = load_reference_scores(folder).set_index(["model", "divisor", "seed"])
+def _check_scores(m: StabilityMap, name: str, folder: Path) -> None:
+    scores = load_reference_scores(folder, name).set_index(["model", "divisor", "seed"])
     if not scores.index.is_unique or not np.isfinite(scores["rmse_held_out"]).all():
         raise ArtifactError("it has duplicate rows, or errors that are not numbers")
     for kind in MODELS.values():
@@ -166,6 +171,8 @@ def _check_scores(m: StabilityMap, folder: Path) -> None:
                 raise ArtifactError(
                     f"{kind.name} n/{divisor} is missing; `spab train --all` makes it again"
                 )
+            if not maps_file(m, kind, divisor):
+                continue
             row = scores.loc[kind.name, divisor, SEED]
             for column, value in errors(
                 m, load_shipped_map(m, kind, divisor, SEED, folder)

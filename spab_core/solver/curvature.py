@@ -11,6 +11,7 @@ from __future__ import annotations
 from spab_core.solver.ring import width
 from spab_core.solver.simd import at, inlined, inner, load, splat, store, total, turn
 from spab_core.solver.slope import across, contact, displace, diverge
+from spab_core.solver.wall import add_flow, gas_entries, wall_change
 
 
 @inlined
@@ -20,7 +21,7 @@ def prepare_curvature(system, u, v, work):
     """
     film, _ = system
     n, m, ring = width(film.ring), film.latitudes, film.ring
-    size, q_v = m * n, work.dq
+    size, q_v = gas_entries(film), work.dq
     displace(film, v[size], v[size + 1], work.reach_v)
     reach_v = load(work.reach_v, 0, ring)
     for row in range(m):
@@ -31,7 +32,7 @@ def prepare_curvature(system, u, v, work):
         store(work.pressure_v, o, p_v)
         store(q_v, o, (p + p) * p_v)
         store(work.gradient_face_v, o, turn(film.to_face, (p + p) * p_v))
-    for row in range(m):
+    for row in range(film.fluxes):
         store(work.gradient_v, row * n, across(film, film.gradient, row, q_v))
 
 
@@ -48,7 +49,7 @@ def add_curvature(system, u, v, w, scale, work, out):
     """
     film, rotor = system
     n, m, ring = width(film.ring), film.latitudes, film.ring
-    size = m * n
+    size = gas_entries(film)
     wx, wy = w[size], w[size + 1]
     q_w, q_vw, flux, face = work.q, work.dq, work.flux, work.face
     displace(film, wx, wy, work.reach_w)
@@ -67,7 +68,7 @@ def add_curvature(system, u, v, w, scale, work, out):
         store(q_vw, o, two)
         push = push + at(film.weight, row) * p_vw
         bent = _bent(
-            1.0 - node * reach_face,
+            at(film.base, row) - node * reach_face,
             (-node) * face_v,
             (-node) * face_w,
             load(work.gradient_face, o, ring),
@@ -76,10 +77,10 @@ def add_curvature(system, u, v, w, scale, work, out):
             turn(film.to_face, two),
         )
         store(face, o, at(film.around, row) * bent)
-    for row in range(m):
+    for row in range(film.fluxes):
         node, o = at(film.flux_node, row), row * n
         bent = _bent(
-            1.0 - node * reach,
+            at(film.flux_base, row) - node * reach,
             (-node) * reach_v,
             (-node) * reach_w,
             load(work.gradient, o, ring),
@@ -91,7 +92,9 @@ def add_curvature(system, u, v, w, scale, work, out):
     for row in range(m):
         o = row * n
         gain = diverge(film, flux, face, row) - film.feed * load(q_vw, o, ring)
+        gain = add_flow(film, gain, v, w, 2.0, row)
         store(out, o, load(out, o, ring) + scale * gain)
+        wall_change(film, v, w, 2.0, q_vw, row, True, scale, out)
     fx, fy = -total(push * load(film.cos, 0, ring)), -total(push * load(film.sin, 0, ring))
     a, b = (v[size], v[size + 1], v[size + 4], v[size + 5]), (wx, wy, w[size + 4], w[size + 5])
     c = contact(rotor, u[size], u[size + 1], u[size + 4], u[size + 5], a, b)

@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 from numba import njit
+from numba.extending import overload
 
 from spab_core.solver.film import Film, film_size
 from spab_core.solver.ring import width
@@ -32,6 +33,7 @@ from spab_core.solver.simd import (
     turn,
 )
 from spab_core.solver.slope import across, displace, diverge, error_norm
+from spab_core.solver.wall import cells, gas_entries
 
 DTM_ORDER = 6
 _K = DTM_ORDER + 1
@@ -43,6 +45,8 @@ _S, _P, _Q, _ACROSS, _AROUND, _REACH, _GAP, _GAP_FACE, _FLUX, _FACE = (
 )
 _SQUARE, _CUBE = _K, 2 * _K  # beyond H
 _TANGENT = 14 * _K
+# beyond both: P and Q - 1 of the wall's cells, from the film outwards; then the same for the tangent
+_WALL = 2 * _TANGENT
 
 # columns of the contact's series: e², e, f, A = f/e, m = x·v, B = damping f m / e², x and y of the
 # force, 1/e, A/e
@@ -50,8 +54,8 @@ _E2, _E, _NORMAL, _SPRING, _RADIAL, _DAMPING, _FX, _FY, _INVERSE, _PER_E2 = rang
 
 
 def build_series(film: Film) -> np.ndarray:
-    """Memory for the transforms, shape (2 * 14 * (order + 1), size of the film)."""
-    size, rows = film_size(film), 2 * _TANGENT
+    """Memory for the transforms, shape (2 * (14 + 2 K) * (order + 1), size of the film)."""
+    size, rows = film_size(film), _WALL + 4 * _K * len(film.depth)
     return aligned_zeros(rows * size).reshape(rows, size)
 
 
@@ -232,6 +236,61 @@ def _cube_order(film, z, cosine, place, gap, k, dual):
             store(z[_TANGENT + cube + k], o, _cauchy_tangent(z, gap, square, k, o, ring))
 
 
+@inner
+def _pores(film, part):
+    """Rows of the first cell's P and Q - 1; ``part`` 0 the state, 1 the tangent."""
+    first = _WALL + part * 2 * _K * cells(film.depth)
+    return first, first + _K * cells(film.depth)
+
+
+@inner
+def _wall_order(film, z, k, part):
+    """Order k of the cells' Q and order k + 1 of their P (:func:`spab_core.solver.wall.
+    wall_slope`).
+    """
+    count, n, ring = cells(film.depth), width(film.ring), film.ring
+    if count > 0:
+        (p, q), (state, _) = _pores(film, part), _pores(film, 0)
+        film_q = part * _TANGENT + _Q + k
+        unit = 1.0 if k == 0 and part == 0 else 0.0
+        supply = film.supply - 1.0 if k == 0 and part == 0 else 0.0
+        for o in range(0, film.latitudes * n, n):
+            before = splat(0.0, ring)
+            for c in range(0, count * _K, _K):
+                if part == 0:
+                    here = _cauchy(z, p + c, p + c, k, o, ring) - unit
+                else:
+                    here = 2.0 * _cauchy(z, state + c, p + c, k, o, ring)
+                store(z[q + c + k], o, here)
+            before = film.feed * (load(z[q + k], o, ring) - load(z[film_q], o, ring))
+            for c in range(count):
+                here = load(z[q + c * _K + k], o, ring)
+                if c + 1 < count:
+                    flow = load(z[q + (c + 1) * _K + k], o, ring) - here
+                else:
+                    flow = supply - here
+                flow = at(film.conductance, c + 1) * flow
+                gain = (at(film.per_capacity, c) / (k + 1)) * (flow - before)
+                store(z[p + c * _K + k + 1], o, gain)
+                before = flow
+
+
+def _supply_order(film, z, k, part, o):
+    """Order k of the Q - 1 that feeds the film's nodes from ``o`` on."""
+    raise NotImplementedError  # compiled only
+
+
+@overload(_supply_order, jit_options={"error_model": "numpy", "nogil": True, "forceinline": True})
+def _supply_order_of(film, z, k, part, o):
+    if not len(film.types[film.fields.index("depth")]):
+        return lambda film, z, k, part, o: film.supply - 1.0 if k == 0 and part == 0 else 0.0
+
+    def first_cell(film, z, k, part, o):
+        return load(z[_pores(film, part)[1] + k], o, film.ring)
+
+    return first_cell
+
+
 @kernel
 def _gas_order(film, z, k, part):
     """Order k + 1 of S from the fluxes of order k; ``part`` 0 the state, 1 the tangent."""
@@ -246,9 +305,10 @@ def _gas_order(film, z, k, part):
         else:
             store(flux, o, _cauchy_tangent(z, cube, _ACROSS, k, o, ring))
             store(face, o, scale * _cauchy_tangent(z, cube_face, _AROUND, k, o, ring))
-    supply = film.supply - 1.0 if k == 0 and part == 0 else 0.0
+    _wall_order(film, z, k, part)
     for row in range(m):
         o = row * n
+        supply = _supply_order(film, z, k, part, o)
         gain = diverge(film, flux, face, row) + film.feed * (supply - load(q, o, ring))
         gain = gain + turn(film.couette, load(s, o, ring))
         store(z[t + _S + k + 1], o, gain * (1.0 / (k + 1)))
@@ -283,14 +343,24 @@ def _rotor_order(rotor, order, k, fx, fy, ramp, ramp_rate, wave):
 
 
 @inner
-def _sum_series(z, first, rotor, h, out):
+def _first_row(film, part, plane):
+    """Row of the series of a plane of the state: the film's gas, then the wall's cells."""
+    if plane == 0:
+        return part * _TANGENT + _S
+    return _pores(film, part)[0] + (plane - 1) * _K
+
+
+@inner
+def _sum_series(film, z, part, rotor, h, out):
     """Sum the series of gas and rotor a step ``h`` later into the state ``out``."""
-    n = out.size - 8
-    for i in range(0, n, WIDTH):
-        value = load(z[first + DTM_ORDER], i, EIGHT)
-        for k in range(DTM_ORDER - 1, -1, -1):
-            value = value * h + load(z[first + k], i, EIGHT)
-        store(out, i, value)
+    n, size = gas_entries(film), film.latitudes * width(film.ring)
+    for plane in range(1 + cells(film.depth)):
+        first = _first_row(film, part, plane)
+        for i in range(0, size, WIDTH):
+            value = load(z[first + DTM_ORDER], i, EIGHT)
+            for k in range(DTM_ORDER - 1, -1, -1):
+                value = value * h + load(z[first + k], i, EIGHT)
+            store(out, plane * size + i, value)
     for i in range(8):
         sum_ = 0.0
         for k in range(DTM_ORDER, -1, -1):
@@ -304,13 +374,16 @@ def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
     ``rodas_step``.
     """
     film, rotor = system
-    n = film.latitudes * width(film.ring)
+    n, size = gas_entries(film), film.latitudes * width(film.ring)
     if not u[n] * u[n] + u[n + 1] * u[n + 1] < 1.0:
         return math.inf
     new, new_v, last_term = stages.new, stages.new_tangent, stages.state[5]
     rotor_u, rotor_v = np.zeros((_K + 1, 8)), np.zeros((_K + 1, 8))
     contact = np.zeros((2 * _K, 10))
-    series[_S], series[_TANGENT + _S] = u[:n], v[:n]
+    for plane in range(1 + cells(film.depth)):
+        here = plane * size
+        series[_first_row(film, 0, plane)] = u[here : here + size]
+        series[_first_row(film, 1, plane)] = v[here : here + size]
     rotor_u[0], rotor_v[0] = u[n:], v[n:]
     ramp = min(t / rotor.ramp, 1.0) if rotor.ramp > 0.0 else 1.0
     ramp_rate = 1.0 / rotor.ramp if rotor.ramp > 0.0 and t < rotor.ramp else 0.0
@@ -330,14 +403,21 @@ def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
             dfx, dfy = dfx + contact[_K + k, _FX], dfy + contact[_K + k, _FY]
             _rotor_order(rotor, rotor_v, k, dfx, dfy, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0))
         c, s, c_before, s_before = -s / (k + 1), c / (k + 1), c, s
-    _sum_series(series, _S, rotor_u, h, new)
+    _sum_series(film, series, 0, rotor_u, h, new)
     power = h**DTM_ORDER
-    last_term[:n], last_term[n:] = series[_S + DTM_ORDER] * power, rotor_u[DTM_ORDER] * power
+    last_term[n:] = rotor_u[DTM_ORDER] * power
+    for plane in range(1 + cells(film.depth)):
+        term = series[_first_row(film, 0, plane) + DTM_ORDER]
+        last_term[plane * size : (plane + 1) * size] = term * power
     error = error_norm(system, work, new, last_term)
     # an explicit step too long for stiffness shows in the tangent long before it shows in the state
     if with_tangent:
-        _sum_series(series, _TANGENT + _S, rotor_v, h, new_v)
-        gas, rest = series[_TANGENT + _S + DTM_ORDER], rotor_v[DTM_ORDER]
-        last = power * math.sqrt((gas * gas).sum() + (rest * rest).sum())
+        _sum_series(film, series, 1, rotor_v, h, new_v)
+        rest = rotor_v[DTM_ORDER]
+        squares = (rest * rest).sum()
+        for plane in range(1 + cells(film.depth)):
+            gas = series[_first_row(film, 1, plane) + DTM_ORDER]
+            squares += (gas * gas).sum()
+        last = power * math.sqrt(squares)
         error = max(error, last / math.sqrt((new_v * new_v).sum()))
     return error

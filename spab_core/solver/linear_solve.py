@@ -2,7 +2,8 @@
 
 J is the Jacobian of :func:`spab_core.solver.slope.slope`. Its film part couples the azimuths of a
 latitude with each other (dense) and with the same azimuths of the other latitudes (diagonal), so it
-is eliminated latitude by latitude, in blocks of N x N. Then the journal as a border of two columns,
+is eliminated latitude by latitude, in blocks of N x N; before it the wall behind each node, which
+changes the node's own entry alone (:mod:`spab_core.solver.wall`). Then the journal as a border of two columns,
 then 2 x 2 for its velocity. No pivoting: the film part of I - g J is strong on its diagonal for the
 steps that occur (tests/unit/test_kernels.py tries g = 10)."""
 
@@ -11,6 +12,7 @@ from __future__ import annotations
 from spab_core.solver.ring import invert, matrix_product, subtract_product, width
 from spab_core.solver.simd import at, inlined, inner, load, product, splat, store, total, turn
 from spab_core.solver.slope import across, contact, displace, diverge
+from spab_core.solver.wall import factorise_wall, feed_of, gas_entries, reduce_wall, restore_wall
 
 
 @inner
@@ -19,13 +21,13 @@ def _point(film, u, work):
     film's force changes with the journal's displacement, xx, xy and yy.
     """
     n, m, ring = width(film.ring), film.latitudes, film.ring
-    size, q = m * n, work.q
+    size, q = gas_entries(film), work.q
     displace(film, u[size], u[size + 1], work.reach_u)
     reach = load(work.reach_u, 0, ring)
     push = splat(0.0, ring)
     for row in range(m):
         node, o = at(film.node, row), row * n
-        inverse = 1.0 / (1.0 - node * reach)
+        inverse = 1.0 / (at(film.base, row) - node * reach)
         p = load(u, o, ring) * inverse
         store(work.inverse_gap, o, inverse)
         store(work.pressure, o, p)
@@ -33,7 +35,7 @@ def _point(film, u, work):
         store(q, o, p * p - 1.0)
         store(work.gradient_face, o, turn(film.to_face, p * p - 1.0))
         push = push + (at(film.weight, row) * node) * (p * inverse)
-    for row in range(m):
+    for row in range(film.fluxes):
         store(work.gradient, row * n, across(film, film.gradient, row, q))
     c, s = load(film.cos, 0, ring), load(film.sin, 0, ring)
     return -total(push * (c * c)), -total(push * (c * s)), -total(push * (s * s))
@@ -51,17 +53,21 @@ def _displaced(film, x, y, work, out, o):
         node, k = at(film.node, row), row * n
         change = load(work.by_gas, k, ring) * load(work.pressure, k, ring) * (node * reach_w)
         store(dq, k, change)
-        h, dh = 1.0 - node * reach_face, (-3.0 * node) * face_w
+        h, dh = at(film.base, row) - node * reach_face, (-3.0 * node) * face_w
         gradient = h * turn(film.to_face, change) + dh * load(work.gradient_face, k, ring)
         store(face, k, at(film.around, row) * (h * h) * gradient)
-    for row in range(m):
+    for row in range(film.fluxes):
         node, k = at(film.flux_node, row), row * n
-        h, dh = 1.0 - node * reach, (-3.0 * node) * reach_w
+        h, dh = at(film.flux_base, row) - node * reach, (-3.0 * node) * reach_w
         gradient = h * across(film, film.gradient, row, dq) + dh * load(work.gradient, k, ring)
         store(flux, k, (h * h) * gradient)
     for row in range(m):
         k = row * n
-        store(out, o + k, diverge(film, flux, face, row) - film.feed * load(dq, k, ring))
+        store(
+            out,
+            o + k,
+            diverge(film, flux, face, row) - feed_of(film, work, row) * load(dq, k, ring),
+        )
 
 
 @inner
@@ -71,13 +77,14 @@ def _assemble(film, x, y, step, work):
     matrix, square = film.harmonics, n * n
     r2 = x * x + y * y
     for row in range(m):
-        # H³ = (1 - c (x cos t + y sin t))³ as a sum of harmonics
+        # H³ = (b - c (x cos t + y sin t))³ as a sum of harmonics
+        b = at(film.base, row)
         c, scale = at(film.node, row), -step * at(film.around, row)
         c2, c3 = c * c, c * c * c
-        f0 = scale * (1.0 + 1.5 * c2 * r2)
-        first = -scale * (3.0 * c + 0.75 * c3 * r2)
+        f0 = scale * (b * b * b + 1.5 * b * c2 * r2)
+        first = -scale * (3.0 * b * b * c + 0.75 * c3 * r2)
         f1, g1 = first * x, first * y
-        f2, g2 = scale * 1.5 * c2 * (x * x - y * y), scale * 3.0 * c2 * x * y
+        f2, g2 = scale * 1.5 * b * c2 * (x * x - y * y), scale * 3.0 * b * c2 * x * y
         third = -0.25 * scale * c3
         f3, g3 = third * x * (x * x - 3.0 * y * y), third * y * (3.0 * x * x - y * y)
         o = (row * m + row) * square
@@ -106,7 +113,7 @@ def _couple(film, step, work):
             cubic = at(film.across, 2 * square + k) + at(film.across, 3 * square + k) * reach
             cubic = at(film.across, k) + reach * (at(film.across, square + k) + reach * cubic)
             if row == column:
-                cubic = cubic - film.feed
+                cubic = cubic - feed_of(film, work, row)
             value = (-step) * cubic * load(work.by_gas, column * n, ring)
             store(work.coupling, k * n, value + 1.0 if row == column else value)
 
@@ -192,20 +199,21 @@ def _force_of(film, work, r, o):
 def linearise(system, step, u, work):
     """Form and factorise I - step J at ``u``. False where the journal is outside the clearance."""
     film, rotor = system
-    n = film.latitudes * width(film.ring)
+    n, size = gas_entries(film), film.latitudes * width(film.ring)
     x, y = u[n], u[n + 1]
-    if not x * x + y * y < 1.0:
+    if not x * x + y * y < film.room * film.room:
         return False
     pxx, pxy, pyy = _point(film, u, work)
+    factorise_wall(film, step, u, work)
     _assemble(film, x, y, step, work)
     _couple(film, step, work)
     _factorise(film, work)
     _displaced(film, 1.0, 0.0, work, work.border, 0)
-    _displaced(film, 0.0, 1.0, work, work.border, n)
+    _displaced(film, 0.0, 1.0, work, work.border, size)
     _solve_film(film, work, work.border, 0)
-    _solve_film(film, work, work.border, n)
+    _solve_film(film, work, work.border, size)
     gxx, gyx = _force_of(film, work, work.border, 0)
-    gxy, gyy = _force_of(film, work, work.border, n)
+    gxy, gyy = _force_of(film, work, work.border, size)
     vx, vy = u[n + 4], u[n + 5]
     c0 = contact(rotor, x, y, vx, vy, (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0))
     c1 = contact(rotor, x, y, vx, vy, (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
@@ -229,10 +237,11 @@ def linearise(system, step, u, work):
 def solve(system, work, r):
     """Solve (I - step J) x = r in place, after :func:`linearise`."""
     film, rotor = system
-    n = film.latitudes * width(film.ring)
+    n, size = gas_entries(film), film.latitudes * width(film.ring)
     small = work.small
     step, disc = small[9], small[8]
     k1, k2, m = rotor.coupling_disc, rotor.coupling_journal, rotor.inverse_mass
+    reduce_wall(film, work, r)
     _solve_film(film, work, r, 0)
     fx, fy = _force_of(film, work, r, 0)
     # disc displacement = a + (step² k1 / disc) journal displacement
@@ -245,11 +254,12 @@ def solve(system, work, r):
     v1x = (r[n + 6] - step * k1 * (r[n + 2] - x)) / disc
     v1y = (r[n + 7] - step * k1 * (r[n + 3] - y)) / disc
     ring = film.ring
-    for k in range(0, n, width(ring)):
+    for k in range(0, size, width(ring)):
         answer = (step * x) * load(work.border, k, ring) + (step * y) * load(
-            work.border, n + k, ring
+            work.border, size + k, ring
         )
         store(r, k, load(r, k, ring) + answer)
+    restore_wall(film, work, x, y, r)
     r[n + 2] += step * v1x
     r[n + 3] += step * v1y
     r[n], r[n + 1], r[n + 4], r[n + 5], r[n + 6], r[n + 7] = x, y, vx, vy, v1x, v1y

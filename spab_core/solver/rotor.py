@@ -68,6 +68,7 @@ def build_rotor(
     rotor_mass: float,
     bearing_number: float,
     ramp_revolutions: float = RAMP_REVOLUTIONS,
+    room: float = 1.0,
 ) -> RotorCoefficients:
     """Coefficients of the rotor's equations.
 
@@ -80,6 +81,9 @@ def build_rotor(
         Lambda.
     ramp_revolutions : float
         Length of the start-up ramp; 0 for none.
+    room : float
+        Radial eccentricity at which the journal would touch
+        (:func:`~spab_core.solver.film.radial_room`), from which the asperities' gap is counted.
 
     Returns
     -------
@@ -109,13 +113,18 @@ def build_rotor(
         unbalance_journal,
         gravity_disc,
         weight,
-        contact.force_at_closure,
+        contact.force_at_closure * _nearer(contact.roughness, room),
         contact.roughness,
         contact.friction,
         contact.damping,
         2.0 * math.pi * ramp_revolutions,
-        contact_eccentricity(design, rotor_mass, bearing_number),
+        max(contact_eccentricity(design, rotor_mass, bearing_number) - (1.0 - room), CENTRE),
     )
+
+
+def _nearer(roughness: float, room: float) -> float:
+    """How much larger f0 exp(-(1 - e)/s) is where the gap is ``room`` - e."""
+    return math.exp(min((1.0 - room) / roughness, 500.0))
 
 
 def contact_eccentricity(design: Design, rotor_mass: float, bearing_number: float) -> float:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from spab_core.solver.film import Film, film_size
+from spab_core.solver.film import Film, film_size, gas_size
 from spab_core.solver.ring import width
 from spab_core.solver.rotor import CENTRE, ROTOR_STATES
 from spab_core.solver.simd import (
@@ -32,6 +32,7 @@ from spab_core.solver.simd import (
     turn,
 )
 from spab_core.solver.system import System
+from spab_core.solver.wall import add_flow, cells, gas_entries, supplied, wall_change, wall_slope
 
 
 class Work(NamedTuple):
@@ -64,6 +65,11 @@ class Work(NamedTuple):
         The 2 x 2 remainder for the journal's velocity and other single numbers.
     spare : ndarray
         Room for whoever needs it.
+    feed, wall_feed : ndarray
+        What a node gains less for its own Q, its column of the wall included, and what it takes of
+        the column's right-hand side (:func:`~spab_core.solver.wall.factorise_wall`).
+    wall_inverse, wall_outward, wall_inward : ndarray
+        The columns' cells, eliminated: inverse pivots, and what a cell takes of its neighbours.
     """
 
     reach: np.ndarray
@@ -91,6 +97,11 @@ class Work(NamedTuple):
     border: np.ndarray
     small: np.ndarray
     spare: np.ndarray
+    feed: np.ndarray
+    wall_feed: np.ndarray
+    wall_inverse: np.ndarray
+    wall_outward: np.ndarray
+    wall_inward: np.ndarray
 
 
 def build_work(film: Film) -> Work:
@@ -101,9 +112,11 @@ def build_work(film: Film) -> Work:
         "block": n * n,
         "answer": n * n,
         "coupling": n * film.latitudes,
+        **dict.fromkeys(("gradient", "gradient_v", "flux", "dflux"), film.fluxes * film.columns),
         "border": 2 * (n + ROTOR_STATES),
         "small": 32,
         "spare": film.columns,
+        **dict.fromkeys(("wall_inverse", "wall_outward", "wall_inward"), gas_size(film) - n),
     }
     return Work(*(aligned_zeros(sizes.get(name, n)) for name in Work._fields))
 
@@ -179,7 +192,7 @@ def _load(rotor, n, t, out):
 def time_slope(system, t, out):
     """Partial derivative of the slope with respect to tau: unbalance, and the ramp while it lasts."""
     film, rotor = system
-    n = film.latitudes * width(film.ring)
+    n = gas_entries(film)
     ramp = _ramp(rotor, t)
     rate = 1.0 / rotor.ramp if rotor.ramp > 0.0 and t < rotor.ramp else 0.0
     c = rate * math.cos(t) - ramp * math.sin(t)
@@ -201,9 +214,9 @@ def displace(film, x, y, out):
 
 
 @inner
-def across(film, matrix, row, field):
-    """Return one row of a matrix over latitudes times a field over the film."""
-    n, m, ring = width(film.ring), film.latitudes, film.ring
+def _times(film, matrix, row, field, m):
+    """Return one row of a matrix of ``m`` columns times a field over so many latitudes."""
+    n, ring = width(film.ring), film.ring
     result = at(matrix, row * m) * load(field, 0, ring)
     for k in range(1, m):
         result = result + at(matrix, row * m + k) * load(field, k * n, ring)
@@ -211,10 +224,17 @@ def across(film, matrix, row, field):
 
 
 @inner
+def across(film, matrix, row, field):
+    """Return one row of a matrix over latitudes times a field over the film."""
+    return _times(film, matrix, row, field, film.latitudes)
+
+
+@inner
 def diverge(film, flux, face, row):
     """Return what a latitude gains from the fluxes across and around."""
     around = load(face, row * width(film.ring), film.ring)
-    return across(film, film.divergence, row, flux) + turn(film.from_face, around)
+    gain = _times(film, film.divergence, row, flux, film.fluxes)
+    return gain + turn(film.from_face, around)
 
 
 @inlined
@@ -225,28 +245,29 @@ def slope(system, t, u, work, out):
     """
     film, rotor = system
     n, m, ring = width(film.ring), film.latitudes, film.ring
-    size = m * n
+    size = gas_entries(film)
     x, y = u[size], u[size + 1]
-    if not x * x + y * y < 1.0:
+    if not x * x + y * y < film.room * film.room:
         return False
     q, flux, face = work.q, work.flux, work.face
     displace(film, x, y, work.reach)
     reach, reach_face = load(work.reach, 0, ring), load(work.reach, n, ring)
     push = splat(0.0, ring)
     for row in range(m):
-        p = load(u, row * n, ring) / (1.0 - at(film.node, row) * reach)
+        p = load(u, row * n, ring) / (at(film.base, row) - at(film.node, row) * reach)
         store(q, row * n, p * p - 1.0)
         push = push + at(film.weight, row) * (p - 1.0)
-        h = 1.0 - at(film.node, row) * reach_face
+        h = at(film.base, row) - at(film.node, row) * reach_face
         gradient = turn(film.to_face, p * p - 1.0)
         store(face, row * n, at(film.around, row) * (h * h * h) * gradient)
-    for row in range(m):
-        h = 1.0 - at(film.flux_node, row) * reach
+    for row in range(film.fluxes):
+        h = at(film.flux_base, row) - at(film.flux_node, row) * reach
         store(flux, row * n, (h * h * h) * across(film, film.gradient, row, q))
     for row in range(m):
         gain = diverge(film, flux, face, row)
-        gain = gain + film.feed * ((film.supply - 1.0) - load(q, row * n, ring))
+        gain = gain + film.feed * (supplied(film, u, row) - load(q, row * n, ring))
         store(out, row * n, gain + turn(film.couette, load(u, row * n, ring)))
+        wall_slope(film, u, q, row, out)
     fx, fy = -total(push * load(film.cos, 0, ring)), -total(push * load(film.sin, 0, ring))
     zero = (0.0, 0.0, 0.0, 0.0)
     c = contact(rotor, x, y, u[size + 4], u[size + 5], zero, zero)
@@ -260,9 +281,9 @@ def slope_tangent(system, t, u, v, work, out, out_v):
     """:func:`slope` at ``u`` and its derivative along ``v``, in one pass over memory."""
     film, rotor = system
     n, m, ring = width(film.ring), film.latitudes, film.ring
-    size = m * n
+    size = gas_entries(film)
     x, y, dx, dy = u[size], u[size + 1], v[size], v[size + 1]
-    if not x * x + y * y < 1.0:
+    if not x * x + y * y < film.room * film.room:
         return False
     q, dq, flux, dflux, face, dface = (
         work.q,
@@ -279,30 +300,34 @@ def slope_tangent(system, t, u, v, work, out, out_v):
     push, dpush = splat(0.0, ring), splat(0.0, ring)
     for row in range(m):
         node, weight = at(film.node, row), at(film.weight, row)
-        inverse = 1.0 / (1.0 - node * reach)
+        inverse = 1.0 / (at(film.base, row) - node * reach)
         p = load(u, row * n, ring) * inverse
         dp = (load(v, row * n, ring) + p * (node * along)) * inverse
         store(q, row * n, p * p - 1.0)
         store(dq, row * n, (p + p) * dp)
         push, dpush = push + weight * (p - 1.0), dpush + weight * dp
-        h, dh = 1.0 - node * reach_face, (-3.0 * node) * along_face
+        h, dh = at(film.base, row) - node * reach_face, (-3.0 * node) * along_face
         gradient = turn(film.to_face, p * p - 1.0)
         dgradient = turn(film.to_face, (p + p) * dp)
         scale = at(film.around, row) * (h * h)
         store(face, row * n, scale * h * gradient)
         store(dface, row * n, scale * (h * dgradient + dh * gradient))
-    for row in range(m):
-        h, dh = 1.0 - at(film.flux_node, row) * reach, (-3.0 * at(film.flux_node, row)) * along
+    for row in range(film.fluxes):
+        node = at(film.flux_node, row)
+        h, dh = at(film.flux_base, row) - node * reach, (-3.0 * node) * along
         gradient = across(film, film.gradient, row, q)
         dgradient = across(film, film.gradient, row, dq)
         store(flux, row * n, (h * h * h) * gradient)
         store(dflux, row * n, (h * h) * (h * dgradient + dh * gradient))
     for row in range(m):
         gain = diverge(film, flux, face, row)
-        gain = gain + film.feed * ((film.supply - 1.0) - load(q, row * n, ring))
+        gain = gain + film.feed * (supplied(film, u, row) - load(q, row * n, ring))
         store(out, row * n, gain + turn(film.couette, load(u, row * n, ring)))
         gain = diverge(film, dflux, dface, row) - film.feed * load(dq, row * n, ring)
+        gain = add_flow(film, gain, u, v, 2.0, row)
         store(out_v, row * n, gain + turn(film.couette, load(v, row * n, ring)))
+        wall_slope(film, u, q, row, out)
+        wall_change(film, u, v, 2.0, dq, row, False, 1.0, out_v)
     cos, sin = load(film.cos, 0, ring), load(film.sin, 0, ring)
     a = (dx, dy, v[size + 4], v[size + 5])
     c = contact(rotor, x, y, u[size + 4], u[size + 5], a, (0.0, 0.0, 0.0, 0.0))
@@ -315,29 +340,32 @@ def slope_tangent(system, t, u, v, work, out, out_v):
 @inlined
 def error_norm(system, work, new, error):
     """Size of a step's error: the worst of journal and disc position (over C), velocity (over 1 +
-    speed) and film (rms).
+    speed), film (rms) and the wall's cells (rms of those at one depth).
     """
     film, _ = system
     n, m, ring = width(film.ring), film.latitudes, film.ring
-    size = m * n
-    squares, least = splat(0.0, ring), splat(math.inf, ring)
-    for k in range(0, size, n):
-        gas = load(new, k, ring)
-        scaled = load(error, k, ring) / (1.0 + gas)
-        squares, least = squares + scaled * scaled, smaller(least, gas)
-    worst = math.sqrt(total(squares) / size)
+    nodes, size = m * n, gas_entries(film)
+    least, worst = splat(math.inf, ring), 0.0
+    for part in range(1 + cells(film.depth)):
+        squares = splat(0.0, ring)
+        for k in range(part * nodes, (part + 1) * nodes, n):
+            gas = load(new, k, ring)
+            scaled = load(error, k, ring) / (1.0 + gas)
+            squares, least = squares + scaled * scaled, smaller(least, gas)
+        rms = math.sqrt(total(squares) / nodes)
+        if not math.isfinite(rms):
+            return math.inf
+        worst = max(worst, rms)
     store(work.spare, 0, least)
     for k in range(n):
         if not work.spare[k] > 0.0:
             return math.inf  # gas content must stay positive
-    if not math.isfinite(worst):
-        return math.inf
     speed = 1.0
     for k in range(size + 4, size + 8):
         speed = max(speed, abs(new[k]))
     for k in range(size, size + 4):
         worst = max(worst, abs(error[k]), abs(error[k + 4]) / speed)
-    if not new[size] * new[size] + new[size + 1] * new[size + 1] < 1.0:
+    if not new[size] * new[size] + new[size + 1] * new[size + 1] < film.room * film.room:
         return math.inf
     return worst
 

@@ -23,7 +23,7 @@ from numba import njit
 from numba.extending import overload
 
 from spab_core.solver.dtm import DTM_ORDER, build_series, dtm_step
-from spab_core.solver.film import Film, film_size
+from spab_core.solver.film import Film, film_size, gas_size, with_wall
 from spab_core.solver.rodas import DEFAULT_TOLERANCE, Stages, build_stages, rodas_step
 from spab_core.solver.rotor import CENTRE, ROTOR_STATES
 from spab_core.solver.simd import (
@@ -41,12 +41,13 @@ from spab_core.solver.slope import Work, build_work
 
 METHODS = ("rodas", "dtm")
 REVOLUTION = 2.0 * math.pi
-THIN_FILM, TOUCHDOWN_ECCENTRICITY = 0.9, 0.9995
-OK, TOUCHDOWN, STEP_TOO_SMALL, TOO_MANY_STEPS = 0, 1, 2, 3
-STATUS = ("ok", "touchdown", "step-too-small", "too-many-steps")
+TOUCHDOWN_ECCENTRICITY = 0.9995
+OK, TOUCHDOWN, STEP_TOO_SMALL, TOO_MANY_STEPS, AXIAL_STOP = 0, 1, 2, 3, 4
+STATUS = ("ok", "touchdown", "step-too-small", "too-many-steps", "axial-stop")
 STATUS_TEXT = {
     "ok": "the run completed",
     "touchdown": "the journal touched the wall",
+    "axial-stop": "the film does not carry the axial load: the journal lies at its axial stop",
     "step-too-small": "the step fell below its limit: somewhere near the wall the film lost all "
     "gas; a finer mesh may help, "
     "else less load, unbalance or suction",
@@ -150,14 +151,16 @@ class Memory(NamedTuple):
 
 
 def build_memory(film: Film, method: str = "rodas") -> Memory:
-    """Memory of one trajectory at the cold start: rotor at rest at the centre, P = 1, a fixed
-    generic tangent.
+    """Memory of one trajectory at the cold start: rotor at rest at the centre, P = 1, the wall as
+    steady flow into such a film leaves it, a fixed generic tangent.
 
     The tangent's entries for the unused disc of a rigid rotor stay zero for all time."""
-    n = film_size(film)
+    n = gas_size(film)
     size = n + ROTOR_STATES
     state, tangent = aligned_zeros(size), aligned_zeros(size)
-    state[:n] = 1.0
+    ambient = np.zeros(film_size(film) + ROTOR_STATES)
+    ambient[: film_size(film)] = np.repeat(film.base, film.columns)  # S = P H
+    state[:] = with_wall(film, ambient)
     tangent[:n] = np.random.default_rng(0).standard_normal(n) / math.sqrt(n)
     tangent[n], tangent[n + 1], tangent[n + 4], tangent[n + 5] = 0.5, 0.3, 0.4, -0.2
     tangent /= np.linalg.norm(tangent)
@@ -223,7 +226,7 @@ def observe(system, u, new, h, row, record):
     """Contact, thin film, largest eccentricity and force, and touchdown within one step, from its
     cubic interpolant.
     """
-    _, rotor = system
+    film, rotor = system
     n = u.size - ROTOR_STATES
     touchdown = False
     for k in range(1, _SUBSAMPLES + 1):
@@ -236,7 +239,7 @@ def observe(system, u, new, h, row, record):
         box[2], box[3] = min(box[2], y), max(box[3], y)
         if e > record.peak[row]:
             record.peak[row] = e
-        if e > THIN_FILM:
+        if e > film.thin:
             record.thin[row] += h / _SUBSAMPLES
         if e > rotor.contact_eccentricity:
             record.contact[row] += h / _SUBSAMPLES
@@ -245,7 +248,7 @@ def observe(system, u, new, h, row, record):
             normal = rotor.contact_force * math.exp((e - 1.0) / rotor.roughness)
             normal *= 1.0 + rotor.damping * (x * vx + y * vy) / e
             record.force[row] = max(record.force[row], normal)
-        touchdown = touchdown or e >= TOUCHDOWN_ECCENTRICITY
+        touchdown = touchdown or e >= TOUCHDOWN_ECCENTRICITY * film.room
     return touchdown
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from spab_core.design.model import Design
-from spab_core.solver.film import AUTO, Film, Mesh, build_film, film_size
+from spab_core.solver.film import AUTO, Film, Mesh, build_film, gas_size, without_storage
 from spab_core.solver.rotor import ROTOR_STATES, RotorCoefficients, build_rotor
 
 
@@ -25,18 +25,21 @@ class System(NamedTuple):
 
     @property
     def mesh(self) -> Mesh:
-        """Nodes of the film."""
-        return Mesh(self.film.latitudes, self.film.columns)
+        """Nodes of the film, in latitude of half the band."""
+        film = self.film
+        return Mesh(film.latitudes // 2 if film.whole else film.latitudes, film.columns)
 
     @property
     def size(self) -> int:
         """Length of the state vector."""
-        return film_size(self.film) + ROTOR_STATES
+        return gas_size(self.film) + ROTOR_STATES
 
     @property
     def unknowns(self) -> np.ndarray:
-        """Positions of all unknowns: the film, then the rotor, without the disc if it is rigid."""
-        n = film_size(self.film)
+        """Positions of all unknowns: film and wall, then the rotor, without the disc if it is
+        rigid.
+        """
+        n = gas_size(self.film)
         rotor = [0, 1, 4, 5] if self.rotor.rigid else range(ROTOR_STATES)
         return np.concatenate([np.arange(n), n + np.array(rotor)])
 
@@ -45,17 +48,21 @@ class System(NamedTuple):
         rotor = self.rotor._replace(unbalance_disc=0.0, unbalance_journal=0.0, ramp=0.0)
         return self._replace(rotor=rotor)
 
+    def without_storage(self) -> System:
+        """Return the system whose wall stores no gas: it rests where this one does."""
+        return self._replace(film=without_storage(self.film))
+
 
 def build_system(
     design: Design,
     rotor_mass: float,
     bearing_number: float,
     mesh: Mesh = AUTO,
+    axial_offset: float | None = None,
 ) -> System:
     """Build film (:func:`~spab_core.solver.film.build_film`) and rotor
-    (:func:`~spab_core.solver.rotor.build_rotor`) of an operating point.
+    (:func:`~spab_core.solver.rotor.build_rotor`) of an operating point; with an axial offset, over
+    C, of the whole band.
     """
-    return System(
-        build_film(design, bearing_number, mesh),
-        build_rotor(design, rotor_mass, bearing_number),
-    )
+    film = build_film(design, bearing_number, mesh, axial_offset)
+    return System(film, build_rotor(design, rotor_mass, bearing_number, room=film.room))

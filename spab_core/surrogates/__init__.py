@@ -5,8 +5,11 @@ Module               What it answers
 models               The paper's, interpolation, better ones; training sets; predicted maps
 theory_trees         Regressors that start from linear theory
 classifier           Regimes from the labels of some cells, or from predicted exponents
+assessment_trees     The assessment from the labels of some cells
 uncertainty          Conformal intervals, probability of instability and its reliability
 metrics              How well they do: the paper's errors and others
 ranking              Tables, ties, the ranking
-user_data            Exponents from elsewhere, read from CSV
+paper                The paper's numbers and claims, and which of them hold
+samples, columns     Exponents from elsewhere, read from CSV or XLSX; what column names mean
+user_data            Models ranked on them
 """

@@ -13,7 +13,14 @@ from sklearn.metrics import accuracy_score, f1_score, mean_absolute_error, root_
 
 from spab_core.maps.stability_map import StabilityMap
 from spab_core.surrogates.classifier import regimes_by_threshold
-from spab_core.surrogates.models import DIVISORS, MODELS, Model, PredictedMap, predict_map
+from spab_core.surrogates.models import (
+    DIVISORS,
+    MODELS,
+    Model,
+    PredictedMap,
+    floored,
+    predict_map,
+)
 from spab_core.surrogates.uncertainty import MapIntervals, reliability, uncertain_map
 from spab_core.trajectory.regimes import REGIMES
 
@@ -125,6 +132,7 @@ def evaluate(
     *,
     split: str = "random",
     uncertainty: bool = False,
+    floor: float | None = None,
     workers: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> pd.DataFrame:
@@ -140,6 +148,8 @@ def evaluate(
         Of ``surrogates.SPLITS``.
     uncertainty : bool
         Whether regimes and intervals are scored instead of predictions.
+    floor : float or None
+        Per revolution: models learn, and are measured on, ``models.floored(m, floor)``.
     workers : int
         Processes.
     progress : callable
@@ -149,8 +159,13 @@ def evaluate(
     -------
     DataFrame
         One row a combination, sorted by model, divisor and seed for any number of workers.
+
+    Raises
+    ------
+    InputError
+        For a floor out of range, or too few cells.
     """
-    kinds = list(models)
+    m, kinds = floored(m, floor), list(models)
     jobs = [
         (kind.name, divisor, seed, split, uncertainty)
         for kind in kinds

@@ -11,7 +11,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import (
@@ -36,6 +36,7 @@ from sklearn.svm import SVR
 from sklearn.tree import DecisionTreeRegressor
 
 from spab_core.common.errors import InputError
+from spab_core.common.validation import check_number
 from spab_core.linear_theory.linear_table import LinearTable, shipped_table, table_for
 from spab_core.maps.stability_map import StabilityMap
 from spab_core.surrogates.theory_trees import TheoryTrees
@@ -46,6 +47,9 @@ SPLITS = ("random", "blocks")
 BLOCKS = 10  # rectangles along each axis of the plane
 WITHHELD = 0.25  # of the rectangles
 TREES_A_STEP = 10  # of a forest that tells its progress
+FLOOR = -1.0  # per revolution: what disturbs the motion has shrunk to 37 % after one revolution
+FLOORS = (-1000.0, -0.01)  # that are allowed, per revolution
+_FLOOR = "mle_floor"  # in a map's metadata
 Progress = Callable[[int, int], None]  # steps done, steps in all
 
 
@@ -192,6 +196,44 @@ def model(name: str) -> Model:
     return MODELS[name]
 
 
+def floored(m: StabilityMap, floor: float | None) -> StabilityMap:
+    """Return the map with its exponents cut off at a floor: another target for the same models.
+
+    Scaling to [0, 1] gives most of its range to cells that are damped within a revolution, and how
+    fast decides nothing. All that is trained, predicted and scored on the map that is returned has
+    the floor: it stands in its metadata.
+
+    Parameters
+    ----------
+    m : StabilityMap
+    floor : float or None
+        Per revolution; smaller exponents are set to it. None: the map as it is.
+
+    Raises
+    ------
+    InputError
+        For a floor outside :data:`FLOORS`.
+    """
+    if floor is None:
+        return m
+    check_number("floor", floor, *FLOORS, "per revolution")
+    return replace(m, mle=np.maximum(m.mle, floor), metadata={**m.metadata, _FLOOR: float(floor)})
+
+
+def floor_of(m: StabilityMap) -> float | None:
+    """Return the floor of a map of :func:`floored`, per revolution; None for any other.
+
+    Raises ``InputError`` for a map whose file names a floor outside :data:`FLOORS`.
+    """
+    floor = m.metadata.get(_FLOOR)
+    return None if floor is None else check_number(_FLOOR, floor, *FLOORS, "per revolution")
+
+
+def floored_table(table: LinearTable, floor: float | None) -> LinearTable:
+    """Return linear theory for models of a map of :func:`floored`: its rates end at the floor."""
+    return table if floor is None else replace(table, rate=np.maximum(table.rate, floor))
+
+
 def solved_cells(m: StabilityMap) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the cells that have an exponent: flat indices (n,), inputs (n, 2) as bearing number
     and rotor mass, exponents (n,).
@@ -321,7 +363,7 @@ class Surrogate:
 
 def linear_table_of(m: StabilityMap) -> LinearTable:
     """Return linear stability of a map's design over at least the map's plane: the shipped table,
-    or one computed in half a minute.
+    or one computed in half a minute; of a map of :func:`floored` with its floor.
 
     Raises
     ------
@@ -329,10 +371,8 @@ def linear_table_of(m: StabilityMap) -> LinearTable:
         If the design has no static equilibrium anywhere in the plane.
     """
     number, mass = m.bearing_number, m.rotor_mass
-    return table_for(
-        m.design,
-        ((float(number.min()), float(number.max())), (float(mass.min()), float(mass.max()))),
-    )
+    plane = ((float(number.min()), float(number.max())), (float(mass.min()), float(mass.max())))
+    return floored_table(table_for(m.design, plane), floor_of(m))
 
 
 def train(

@@ -18,17 +18,14 @@ from spab_core.trajectory.lyapunov import Exponent
 from spab_core.trajectory.regimes import REGIMES
 
 SIGNIFICANT = 0.05  # a difference with a larger p is a tie
-# the paper's table 1, RMSE for n/2 ... n/8, in the unit of its map, which it does not tell
-PAPER_RMSE = {
-    "mlp": (0.85, 0.85, 0.85, 0.96, 0.87, 0.85, 0.84),
-    "svr": (0.98, 0.99, 0.98, 0.98, 0.99, 0.99, 0.99),
-    "tree": (0.51, 0.59, 0.64, 0.70, 0.72, 0.74, 0.78),
-    "forest": (0.45, 0.51, 0.56, 0.58, 0.60, 0.63, 0.63),
-}
 
 
 def comparison_words(
-    predicted: float, exponent: Exponent | None, interval: tuple[float, float] | None, trained: bool
+    predicted: float,
+    exponent: Exponent | None,
+    interval: tuple[float, float] | None,
+    trained: bool,
+    floor: float | None = None,
 ) -> tuple[bool | None, str]:
     """Compare a prediction with the solved exponent, in words.
 
@@ -42,6 +39,8 @@ def comparison_words(
         Of :data:`uncertainty.CONFIDENCE`; None if it is not known yet.
     trained : bool
         Whether the model was trained on this cell.
+    floor : float or None
+        Of the exponents that the model learnt (``models.floored``).
 
     Returns
     -------
@@ -52,13 +51,16 @@ def comparison_words(
     """
     if exponent is None or not math.isfinite(predicted):
         return None, "There is nothing to compare: the run failed, here or on the map."
+    value, cut = exponent.value, ""
+    if floor is not None and value < floor:
+        value, cut = floor, f", which counts as {floor:g}"
     words = (
         f"Predicted {predicted:+.3f}, solved live {exponent.value:+.3f} ± "
-        f"{exponent.standard_error:.3f} per revolution: {abs(predicted - exponent.value):.3f} apart"
+        f"{exponent.standard_error:.3f} per revolution{cut}: {abs(predicted - value):.3f} apart"
     )
     inside = None
     if interval is not None and np.isfinite(interval).all():
-        inside = bool(interval[0] <= exponent.value <= interval[1])
+        inside = bool(interval[0] <= value <= interval[1])
         words += (
             f". The solved value lies {'inside' if inside else 'outside'} the model's "
             f"{CONFIDENCE:.0%} interval, {interval[0]:+.3f} to {interval[1]:+.3f}"

@@ -15,6 +15,7 @@ import numpy as np
 
 from spab_core.common.validation import check_number
 from spab_core.design.model import Design
+from spab_core.linear_theory.assumptions import Assumption
 from spab_core.linear_theory.modes import LEAST_AMPLIFICATION, Mode
 from spab_core.linear_theory.summary import Derived
 from spab_core.solver.stepping import STATUS_TEXT
@@ -30,7 +31,28 @@ LARGE_ECCENTRICITY, RAISED_ECCENTRICITY = "large eccentricity", "raised eccentri
 LARGE_ORBIT = "large orbit"
 NOT_LIFTED, RESONANCE = "not lifted off", "resonance"
 UNSTABLE, LIGHTLY_DAMPED = "unstable at rest", "lightly damped at rest"
+OUTSIDE = "outside the theory"
+COEXISTING = "another motion"
 UNKNOWN = "not known"
+KINDS = {  # of trouble: what it is called in a sentence
+    FAILED: "a failed run (touchdown)",
+    RUBBING: "rubbing",
+    CHAOTIC: "chaos",
+    QUASI_PERIODIC: "a quasi-periodic whirl",
+    SUBHARMONIC: "a whirl locked to the rotation",
+    LEAST_FILM: "a film under its limit",
+    LARGE_ECCENTRICITY: "an eccentricity over its limit",
+    NOT_LIFTED: "a rotor that lies on the wall at rest",
+    RESONANCE: "resonance",
+    UNDECIDED: "an undecided motion",
+    LARGE_ORBIT: "a large orbit",
+    NEAR_FILM: "a film near its limit",
+    RAISED_ECCENTRICITY: "a raised eccentricity",
+    UNSTABLE: "instability at rest",
+    LIGHTLY_DAMPED: "light damping at rest",
+    COEXISTING: "another motion beside the one from rest",
+    UNKNOWN: "something that is not known",
+}
 CONTACT = 0.001  # largest share of the time in contact
 NEAR = 1.5  # a film is watched up to this many times its limit
 FEWEST_MICRONS, ASPERITIES = 3e-6, 5.0  # of the usual limit of the film: m, roughness lengths
@@ -99,12 +121,15 @@ class Assessment:
     reasons : tuple of str
         By falling gravity, with number and limit; each begins small and has no full stop. Empty
         where everything is good.
+    kinds : tuple of str
+        Kind of trouble of each reason.
     motion, rest : str
         What the rotor does with unbalance, and at rest on its film without it, in a sentence each.
     """
 
     grade: str
     reasons: tuple[str, ...]
+    kinds: tuple[str, ...]
     motion: str
     rest: str
 
@@ -193,13 +218,13 @@ def motion_rules(design: Design, motion: Motion, limits: Limits = DEFAULT_LIMITS
         return f"largest eccentricity {eccentricity:.3f}, limit {limit:.2f}{often}"
 
     yield Rule(FAILED, AVOID, ~ok, told)
+    yield Rule(CHAOTIC, AVOID, ok & (regime == "chaotic"), told)
     yield Rule(
         RUBBING,
         AVOID,
         ok & (contact > CONTACT),
         lambda: f"contact in {100 * contact:.3g} % of the time, limit {100 * CONTACT:g} %",
     )
-    yield Rule(CHAOTIC, AVOID, ok & (regime == "chaotic"), told)
     for kind, where in whirls.items():
         yield Rule(kind, AVOID, where & large, whirl_words)
     yield Rule(
@@ -257,29 +282,32 @@ def rest_rules(rest: Derived | None, limits: Limits = DEFAULT_LIMITS) -> Iterato
         yield Rule(UNKNOWN, WATCH, True, lambda: f"resonance is not judged: {rest.status}")
         return
     yield Rule(NOT_LIFTED, AVOID, rest.lies_on_wall, rest.lift_words)
-    forward = [m for m in rest.modes if m.forward and m.log_decrement > 0.0]
-    for mode in forward:
+    both = [("whirl", m) for m in rest.modes] + [("conical whirl", m) for m in rest.conical_modes]
+    forward = [(name, m) for name, m in both if m.forward and m.log_decrement > 0.0]
+    for name, mode in forward:
         away, margin = abs(mode.ratio - 1.0), limits.separation * separation_margin(mode)
         close = mode.amplification > RESONANT and away < margin / 3.0
         yield Rule(
             RESONANCE,
             AVOID if close else WATCH,
             away < margin,
-            partial(_resonance_words, mode, margin, rest.speed_rpm),
+            partial(_resonance_words, name, mode, margin, rest.speed_rpm),
         )
-    whirl = rest.whirl
-    if whirl and not whirl.stable:
+    if rest.leading and not rest.leading[1].stable:
+        family, whirl = rest.leading
         yield Rule(
             UNSTABLE,
             WATCH,
             True,
             lambda: (
-                f"unstable at rest: a whirl of {whirl.speed_rpm:,.0f} a minute grows by "
+                f"unstable at rest: a {family} of {whirl.speed_rpm:,.0f} a minute grows by "
                 f"{whirl.growth:.3g} per revolution"
             ),
         )
+    for one in rest.assumptions:
+        yield Rule(OUTSIDE, WATCH, one.watched and not one.holds, partial(_words_of, one))
     # only what is slower than the shaft can be fed by its rotation
-    slow = [m.log_decrement for m in forward if m.ratio < 1.0]
+    slow = [m.log_decrement for _, m in forward if m.ratio < 1.0]
     if slow and min(slow) < LIGHT:
         yield Rule(
             LIGHTLY_DAMPED,
@@ -291,9 +319,13 @@ def rest_rules(rest: Derived | None, limits: Limits = DEFAULT_LIMITS) -> Iterato
         )
 
 
-def _resonance_words(mode: Mode, margin: float, speed_rpm: float) -> str:
+def _words_of(assumption: Assumption) -> str:
+    return f"outside the theory: {assumption.words}"
+
+
+def _resonance_words(name: str, mode: Mode, margin: float, speed_rpm: float) -> str:
     return (
-        f"resonance: a whirl of {mode.ratio * speed_rpm:,.0f} a minute with the amplification "
+        f"resonance: a {name} of {mode.ratio * speed_rpm:,.0f} a minute with the amplification "
         f"{mode.amplification:.1f} is {100 * abs(mode.ratio - 1.0):.1f} % from the speed, limit "
         f"{100 * margin:.0f} %"
     )
@@ -318,6 +350,7 @@ def assess(
     motion: Motion | None,
     rest: Derived | None = None,
     limits: Limits = DEFAULT_LIMITS,
+    beside: str = "",
 ) -> Assessment:
     """Judge an operating point.
 
@@ -330,6 +363,8 @@ def assess(
         Of the static equilibrium; None where nothing is known of it. What is not known is said, and
         never good.
     limits : Limits
+    beside : str
+        What another motion of the same point is, as a clause: two motions are to be watched.
 
     Returns
     -------
@@ -342,11 +377,13 @@ def assess(
     else:
         rules = list(motion_rules(design, motion, limits))
     rules += rest_rules(rest, limits)
+    rules.append(Rule(COEXISTING, WATCH, bool(beside), lambda: beside))
     found = sorted((r for r in rules if r.holds), key=lambda r: -r.grade)
     grade = GRADES[max((r.grade for r in found), default=GOOD)]
     return Assessment(
         grade,
         tuple(r.words() for r in found),
+        tuple(r.kind for r in found),
         _motion_line(design, motion, grade),
         rest.verdict() if rest else "At rest: not known.",
     )
@@ -378,8 +415,27 @@ def grades(design: Design, motions: Motion, limits: Limits = DEFAULT_LIMITS) -> 
     ndarray of str
         Of :data:`GRADES`, in the same shape.
     """
-    worst = np.full(np.shape(motions.regime), GOOD)
+    return gravest(design, motions, limits)[0]
+
+
+def gravest(
+    design: Design, motions: Motion, limits: Limits = DEFAULT_LIMITS
+) -> tuple[np.ndarray, np.ndarray]:
+    """Judge many motions by their own rules alone, and name the gravest trouble of each.
+
+    Parameters are those of :func:`grades`.
+
+    Returns
+    -------
+    grades : ndarray of str
+        Of :data:`GRADES`, in the motions' shape.
+    kinds : ndarray of str
+        The kind of the gravest rule that holds, likewise; "" where everything is good.
+    """
+    shape = np.shape(motions.regime)
+    worst, kinds = np.full(shape, GOOD), np.full(shape, "", "<U32")
     for rule in motion_rules(design, motions, limits):
-        worst = np.where(rule.holds, np.maximum(worst, rule.grade), worst)
-    found: np.ndarray = np.array(GRADES)[worst]
-    return found
+        graver = rule.holds & (worst < rule.grade)
+        kinds = np.where(graver, rule.kind, kinds)
+        worst = np.where(graver, rule.grade, worst)
+    return np.array(GRADES)[worst], kinds

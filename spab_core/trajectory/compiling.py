@@ -22,7 +22,7 @@ import numba
 import numpy as np
 
 from spab_core.common.processes import end_with_parent, module_command
-from spab_core.design.model import reference_design
+from spab_core.design.model import Design, reference_design
 from spab_core.linear_theory.summary import derive
 from spab_core.solver.cache import is_kept
 from spab_core.solver.slope import build_work, fill_jacobian
@@ -37,18 +37,25 @@ _LOCK = ".compiling.lock"
 _PATIENCE = 600.0  # seconds; a process that compiles for longer has hung
 
 
-def is_compiled(settings: Settings = USUAL) -> bool:
+def _like(design: Design | None) -> Design:
+    """Return a design with the same kernels: they differ where the wall stores gas."""
+    storing = design is not None and design.bearing.stores_gas
+    return reference_design().replace(bearing__porosity=0.15 if storing else 0.0)
+
+
+def is_compiled(settings: Settings = USUAL, design: Design | None = None) -> bool:
     """Whether this process can solve operating points so without compiling: kernels of the method
-    and of the mesh's width are loaded, or kept for this processor.
+    and of the mesh's width, for a wall as the design's (left out: one that stores no gas), are
+    loaded, or kept for this processor.
     """
-    system = build_system(reference_design(), 1.0, 1.0, settings.mesh)
+    system = build_system(_like(design), 1.0, 1.0, settings.mesh)
     memory = build_memory(system.film, settings.method)
     return is_kept(advance, system, memory, Options(), 0, 1, build_record(1, 0))
 
 
-def is_linear_compiled() -> bool:
+def is_linear_compiled(design: Design | None = None) -> bool:
     """The same for what linear theory needs on the usual mesh, which is compiled first."""
-    system = build_system(reference_design(), 1.0, 1.0)
+    system = build_system(_like(design), 1.0, 1.0)
     state, work = np.zeros(system.size), build_work(system.film)
     return is_kept(
         fill_jacobian, system, state, system.unknowns, work, state, np.empty((1, system.size))
@@ -67,19 +74,19 @@ def _turn() -> Iterator[None]:
         yield
 
 
-def compile_once(settings: Settings = USUAL) -> None:
-    """Have the kernels for such settings: wait for a process that compiles them, or compile them
-    here if none has.
+def compile_once(settings: Settings = USUAL, design: Design | None = None) -> None:
+    """Have the kernels for such settings and a wall as the design's (left out: one that stores no
+    gas): wait for a process that compiles them, or compile them here if none has.
     """
-    if is_compiled(settings) and is_linear_compiled():
+    if is_compiled(settings, design) and is_linear_compiled(design):
         return
     with _turn():
-        if not is_linear_compiled():
+        if not is_linear_compiled(design):
             # first: pages with linear theory alone need not wait for the rest
-            derive(reference_design(), 4.0, 3.0)
-        if not is_compiled(settings):
+            derive(_like(design), 4.0, 3.0)
+        if not is_compiled(settings, design):
             short = dataclasses.replace(settings, transient=30, revolutions=20)
-            solve_point(reference_design(), 4.0, 3.0, short)
+            solve_point(_like(design), 4.0, 3.0, short)
 
 
 class _Background:

@@ -20,8 +20,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spab_core.common.threads import one_thread
-
 MAX_PERIOD = 16
 CHECK_EVERY = 6  # revolutions
 REPEATS = 12  # revolutions, at least, over which an orbit must repeat
@@ -241,8 +239,7 @@ def _leading(h: np.ndarray, rest: float) -> tuple[complex, np.ndarray, float] | 
     return complex(values[first]), vectors[:, first], error
 
 
-@one_thread
-def swift_mode(jacobian: np.ndarray) -> complex | None:
+def swift_mode(values: np.ndarray) -> complex | None:
     """The least damped eigenvalue, per unit tau, of those more than :data:`SWIFT` times as fast as
     the shaft turns.
 
@@ -250,15 +247,15 @@ def swift_mode(jacobian: np.ndarray) -> complex | None:
 
     Parameters
     ----------
-    jacobian : ndarray, (n, n)
-        Of the whole system at one instant (:func:`spab_core.solver.slope.slope_and_jacobian`).
+    values : ndarray of complex, (n,)
+        Eigenvalues of the whole system at one instant
+        (:func:`spab_core.linear_theory.spectrum.eigenvalues`).
 
     Returns
     -------
     complex or None
         None where there is none.
     """
-    values = np.linalg.eigvals(jacobian)
     swift = values[np.abs(values) > SWIFT]
     return complex(swift[swift.real.argmax()]) if len(swift) else None
 

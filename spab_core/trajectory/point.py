@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 from dataclasses import dataclass
@@ -12,11 +13,23 @@ import numpy as np
 from spab_core.common.errors import InputError
 from spab_core.design.model import Design
 from spab_core.linear_theory.summary import Derived, derive
-from spab_core.trajectory.assessment import DEFAULT_LIMITS, Assessment, Limits, Motion, assess
+from spab_core.solver.rotor import RAMP_REVOLUTIONS
+from spab_core.trajectory.assessment import (
+    COEXISTING,
+    DEFAULT_LIMITS,
+    Assessment,
+    Limits,
+    Motion,
+    assess,
+    motion_words,
+)
 from spab_core.trajectory.lyapunov import Exponent, exponent
 from spab_core.trajectory.regimes import Regime, classify
 from spab_core.trajectory.run import Progress, Trajectory, simulate
 from spab_core.trajectory.settings import Settings
+from spab_core.trajectory.starts import whirling_start
+
+APART = 0.05  # by how much the largest eccentricities of two motions differ at least, over C
 
 
 @dataclass(frozen=True)
@@ -34,6 +47,8 @@ class OperatingPoint:
     mle : Exponent or None
         None where the run failed.
     regime : Regime or None
+    from_rest : bool
+        Whether the run began with the cold start.
     """
 
     design: Design
@@ -43,6 +58,7 @@ class OperatingPoint:
     trajectory: Trajectory
     mle: Exponent | None
     regime: Regime | None
+    from_rest: bool = True
 
     @property
     def contact_share(self) -> float:
@@ -109,6 +125,14 @@ class OperatingPoint:
             "assessment": judged.grade,
             "assessment_reasons": list(judged.reasons),
             "rest": judged.rest,
+            "coexisting": next(
+                (
+                    r
+                    for r, kind in zip(judged.reasons, judged.kinds, strict=True)
+                    if kind == COEXISTING
+                ),
+                None,
+            ),
             "status": self.trajectory.status,
             "mesh": str(self.trajectory.mesh),
             "revolutions": self.trajectory.completed,
@@ -137,9 +161,63 @@ class OperatingPoint:
             self.thin_film_share,
         )
 
-    def assessment(self, limits: Limits = DEFAULT_LIMITS) -> Assessment:
-        """Judge motion and equilibrium by a designer's limits."""
-        return assess(self.design, self.motion, self.rest, limits)
+    def assessment(
+        self, limits: Limits = DEFAULT_LIMITS, *, rest: Derived | None = None
+    ) -> Assessment:
+        """Judge motion and equilibrium by a designer's limits.
+
+        Where nothing is to be avoided the point is solved once more from another start
+        (:attr:`beside`): another motion there is to be watched. ``rest`` takes the place of
+        :attr:`rest`.
+        """
+        rest = rest or self.rest
+        found = assess(self.design, self.motion, rest, limits)
+        if found.grade == "avoid" or self.beside is None:
+            return found
+        return assess(self.design, self.motion, rest, limits, beside_words(self.beside))
+
+    @functools.cached_property
+    def beside(self) -> OperatingPoint | None:
+        """Another motion of the same point, reached from a large orbit
+        (:func:`~spab_core.trajectory.starts.whirling_start`), or from rest where this one was not;
+        None where that leads to the same. At most as long as a usual run.
+        """
+        where, usual = (self.design, self.rotor_mass, self.bearing_number), Settings()
+        settings = dataclasses.replace(
+            self.settings,
+            transient=max(
+                min(self.settings.transient, usual.transient), math.ceil(RAMP_REVOLUTIONS)
+            ),
+            revolutions=min(self.settings.revolutions, usual.revolutions),
+        )
+        start = whirling_start(*where, settings.mesh) if self.from_rest else None
+        return self.kept_beside(solve_point(*where, settings, start=start))
+
+    def kept_beside(self, other: OperatingPoint) -> OperatingPoint | None:
+        """Return another run of the same point if it came to another motion than this one.
+
+        A run that shrinks goes on as long again: what still decays is no motion.
+        """
+        if self.is_apart(other) and other.regime is not None and _shrinks(other.trajectory):
+            where = self.design, self.rotor_mass, self.bearing_number
+            on = solve_point(*where, other.settings, start=other.trajectory.final)
+            other = dataclasses.replace(on, from_rest=other.from_rest)
+        return other if self.is_apart(other) else None
+
+    def is_apart(self, other: OperatingPoint) -> bool:
+        """Whether two runs of a point came to two motions.
+
+        Where one does not repeat, its regime may be a matter of where it was looked at, so only how
+        large they are counts.
+        """
+        if self.regime is None or other.regime is None:
+            return self.regime != other.regime
+        apart = abs(self.max_eccentricity - other.max_eccentricity) > APART
+        names = {self.regime.name, other.regime.name}
+        if names == {"periodic"} and self.regime.period != other.regime.period:
+            # next to where a period doubles both are all but the same orbit
+            return apart or _section_distance(self.trajectory, other.trajectory) > APART
+        return apart and names != {"chaotic"}
 
     def verdict(self, limits: Limits = DEFAULT_LIMITS) -> str:
         """What a designer needs to know, in a sentence or two: the motion and what it is worth."""
@@ -151,6 +229,32 @@ class OperatingPoint:
         if not pushed:
             return ""
         return f"Reached after a push off an unstable periodic orbit at revolution {pushed}."
+
+
+def beside_words(other: OperatingPoint) -> str:
+    """Say what another motion of a point is, as a clause."""
+    start = "rest" if other.from_rest else "a large orbit"
+    if other.regime is None:
+        return f"started from {start}, the run fails ({other.trajectory.status})"
+    words = motion_words(other.regime.name, other.regime.period)
+    return (
+        f"another motion of {100.0 * other.max_eccentricity:.0f} % of the clearance exists beside "
+        f"it, reached from {start}: {words[0].lower()}{words[1:]}"
+    )
+
+
+def _shrinks(run: Trajectory) -> bool:
+    """Whether a run may still be on its way: its eccentricity falls while it is measured."""
+    quarter = max(len(run.peak) // 4, 1)
+    falls = float(run.peak[:quarter].max() - run.peak[-quarter:].max())
+    return run.settled is None and falls > 0.1 * APART
+
+
+def _section_distance(one: Trajectory, other: Trajectory) -> float:
+    """Return the largest distance of a point of either section from the other, over C."""
+    steps = one.section[:, None, :2] - other.section[None, :, :2]
+    distance = np.hypot(steps[..., 0], steps[..., 1])
+    return float(max(distance.min(axis=0).max(), distance.min(axis=1).max()))
 
 
 def _share(times: np.ndarray) -> float:
@@ -199,5 +303,12 @@ def solve_point(
     mle = exponent(trajectory.growth, trajectory.settled) if trajectory.status == "ok" else None
     regime = classify(trajectory.section, mle, trajectory.settled) if mle else None
     return OperatingPoint(
-        design, float(rotor_mass), float(bearing_number), settings, trajectory, mle, regime
+        design,
+        float(rotor_mass),
+        float(bearing_number),
+        settings,
+        trajectory,
+        mle,
+        regime,
+        start is None,
     )

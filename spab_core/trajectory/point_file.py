@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from spab_core.common.arrays import Array, Schema, load
+from spab_core.common.errors import InputError
 from spab_core.common.files import write_atomically
 from spab_core.common.npz import npz_bytes
 from spab_core.design.model import Design
-from spab_core.solver.film import parse_mesh
+from spab_core.solver.film import AUTO, Mesh, parse_mesh
 from spab_core.solver.stepping import STATUS
 from spab_core.trajectory.lyapunov import Exponent
 from spab_core.trajectory.periodic_orbit import Settled
@@ -24,6 +25,7 @@ from spab_core.trajectory.provenance import map_metadata
 from spab_core.trajectory.regimes import REGIMES, Regime
 from spab_core.trajectory.run import Trajectory
 from spab_core.trajectory.settings import Settings
+from spab_core.trajectory.starts import WHIRLING, whirling_start
 
 _ARRAYS = {  # of a Trajectory
     "section": Array(np.float64, ("revolution", 8)),
@@ -116,3 +118,32 @@ def load_point(path: str | Path) -> OperatingPoint:
             mle,
             regime,
         )
+
+
+def start_of(
+    text: str, design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = AUTO
+) -> np.ndarray:
+    """Return the state that ``text`` names.
+
+    Parameters
+    ----------
+    text : str
+        "whirling" (:func:`~spab_core.trajectory.starts.whirling_start`), or a point file
+        (:func:`save_point`), whose last state it is.
+    design, rotor_mass, bearing_number, mesh
+        Those of the run to start.
+
+    Raises
+    ------
+    InputError
+        For a file that cannot be read or whose run failed.
+    """
+    if text == WHIRLING:
+        return whirling_start(design, rotor_mass, bearing_number, mesh)
+    point = load_point(Path(text))
+    if point.trajectory.status != "ok":
+        raise InputError(
+            f"the run in {text[:200]!r} failed ({point.trajectory.status}): its last state is no "
+            "start"
+        )
+    return point.trajectory.final

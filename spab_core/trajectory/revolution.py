@@ -14,13 +14,16 @@ from numpy.polynomial import legendre
 
 from spab_core.common.errors import DesignError
 from spab_core.design.model import Design
+from spab_core.linear_theory.equilibrium import running_system
 from spab_core.solver.film import (
     Film,
+    band_operators,
     film_array,
     film_force,
-    film_size,
+    gas_size,
     latitude_operators,
     on_azimuths,
+    profile,
     thickness,
 )
 from spab_core.solver.rotor import ROTOR_STATES, build_rotor, contact_force
@@ -33,7 +36,6 @@ from spab_core.solver.stepping import (
     build_memory,
     build_record,
 )
-from spab_core.solver.system import build_system
 from spab_core.trajectory.point import OperatingPoint
 from spab_core.trajectory.settings import Settings
 
@@ -106,7 +108,7 @@ def integrate_revolution(point: OperatingPoint, samples: int = 72) -> Revolution
     if t.status != "ok":
         raise DesignError("the run did not complete: there is no film to show")
     settings = point.settings
-    system = build_system(point.design, point.rotor_mass, point.bearing_number, t.mesh)
+    system = running_system(point.design, point.rotor_mass, point.bearing_number, t.mesh)
     film, memory = system.film, build_memory(system.film)
     memory.state[:] = t.final
     options = Options(tolerance=min(TOLERANCE, settings.tolerance), period=REVOLUTION / samples)
@@ -118,7 +120,7 @@ def integrate_revolution(point: OperatingPoint, samples: int = 72) -> Revolution
         if status != OK:
             break
         kept.append(memory.state.copy())
-    states = np.array([u[film_size(film) :] for u in kept])
+    states = np.array([u[gas_size(film) :] for u in kept])
     if point.design.rigid:  # the disc is the journal
         states[:, 2:4], states[:, 6:8] = states[:, 0:2], states[:, 4:6]
     tau = t.completed * REVOLUTION + np.arange(len(kept)) * (REVOLUTION / samples)
@@ -152,7 +154,7 @@ def run_up(
     revolutions, samples : int
         How many, and points of each. A run that fails ends there.
     """
-    system = build_system(design, rotor_mass, bearing_number, settings.mesh)
+    system = running_system(design, rotor_mass, bearing_number, settings.mesh)
     record = build_record(revolutions, samples)
     advance(
         system,
@@ -181,7 +183,7 @@ def forces(revolution: Revolution) -> dict[str, np.ndarray]:
     """
     r, d = revolution, revolution.design
     mass, load = d.mass_number(r.rotor_mass, r.bearing_number), d.load_number(r.rotor_mass)
-    rotor = build_rotor(d, r.rotor_mass, r.bearing_number)
+    rotor = build_rotor(d, r.rotor_mass, r.bearing_number, room=r.film.room)
     ramp = np.minimum(r.tau / rotor.ramp, 1.0)
     eccentric = (1.0 - d.rotor.journal_mass_fraction) * mass * d.unbalance_number
     q = r.states
@@ -209,7 +211,9 @@ class Surface:
     Attributes
     ----------
     latitude : ndarray, (L,)
-        From the lower to the upper edge, rad.
+        From the lower to the upper edge, rad; of a cylinder the axial coordinate over R.
+    radius, height : ndarray, (L,)
+        Of the wall, distance from the axis of rotation and along it there, over R.
     azimuth : ndarray, (A + 1,)
         Once around, both ends, rad.
     angle : ndarray, (K,)
@@ -219,6 +223,8 @@ class Surface:
     """
 
     latitude: np.ndarray
+    radius: np.ndarray
+    height: np.ndarray
     azimuth: np.ndarray
     angle: np.ndarray
     thickness: np.ndarray
@@ -240,19 +246,25 @@ def surface(
         Points around, more than the film has, and from edge to edge (odd: one on the equator).
     """
     r, m = revolution, revolution.film.latitudes
-    edge = math.radians(r.design.bearing.edge_latitude)
     s = np.linspace(-1.0, 1.0, latitudes)
-    even = np.eye(2 * m)[:, ::2]
+    if r.film.whole:
+        basis, nodes = np.eye(m), band_operators(m // 2)[0]
+    else:
+        basis, nodes = np.eye(2 * m)[:, ::2], latitude_operators(m)[0]
 
     def bubbles(x: np.ndarray) -> np.ndarray:
-        return ((1.0 - x**2) * legendre.legval(x, even)).T
+        return ((1.0 - x**2) * legendre.legval(x, basis)).T
 
-    across = bubbles(s) @ np.linalg.inv(bubbles(latitude_operators(m)[0]))  # of P² - 1
+    across = bubbles(s) @ np.linalg.inv(bubbles(nodes))  # of P² - 1
     picked = slice(0, max(len(r.tau) - 1, 1), every)
     column = np.moveaxis(r.pressure[picked] ** 2 - 1.0, 1, -1)
     around = np.moveaxis(on_azimuths(column, azimuths), -1, 1) @ across.T
     closed = np.concatenate([around, around[:, :1]], axis=1)
     azimuth = np.linspace(0.0, 2.0 * math.pi, azimuths + 1)
     x, y = r.states[picked, 0][:, None, None], r.states[picked, 1][:, None, None]
-    gap = 1.0 - np.cos(edge * s) * (x * np.cos(azimuth)[:, None] + y * np.sin(azimuth)[:, None])
-    return Surface(edge * s, azimuth, r.angle[picked], gap, np.sqrt(np.maximum(1.0 + closed, 0.0)))
+    radius, height = profile(r.design.bearing, s)
+    base = 1.0 - r.film.offset * height
+    gap = base - radius * (x * np.cos(azimuth)[:, None] + y * np.sin(azimuth)[:, None])
+    pressure = np.sqrt(np.maximum(1.0 + closed, 0.0))
+    latitude = r.design.bearing.edge * s
+    return Surface(latitude, radius, height, azimuth, r.angle[picked], gap, pressure)

@@ -16,11 +16,21 @@ import numpy as np
 from spab_core.common.errors import DesignError, InputError
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
+from spab_core.linear_theory.equilibrium import AxialStopError, running_system
+from spab_core.linear_theory.spectrum import eigenvalues
 from spab_core.linear_theory.whirl import spectrum_of
-from spab_core.solver.film import AUTO, MORE_AZIMUTHS, Mesh, film_array, film_size, on_azimuths
+from spab_core.solver.film import (
+    AUTO,
+    MORE_AZIMUTHS,
+    Mesh,
+    gas_array,
+    gas_size,
+    least_gap,
+    on_azimuths,
+)
 from spab_core.solver.rotor import RAMP_REVOLUTIONS, ROTOR_STATES, RotorCoefficients
-from spab_core.solver.slope import slope_and_jacobian
 from spab_core.solver.stepping import (
+    AXIAL_STOP,
     DEFAULT_TOLERANCE,
     MAX_STEP,
     OK,
@@ -35,7 +45,7 @@ from spab_core.solver.stepping import (
     build_record,
     seek_step,
 )
-from spab_core.solver.system import System, build_system
+from spab_core.solver.system import System
 from spab_core.trajectory.lyapunov import exponent
 from spab_core.trajectory.periodic_orbit import (
     CHECK_EVERY,
@@ -201,7 +211,17 @@ def simulate(
             max_step,
         )
 
-    run = start_run(MAX_STEP)
+    if design.rotor.axial_load and settings.method != "rodas":
+        raise DesignError(
+            f"method = {settings.method} solves half the band alone: take rodas with an axial load"
+        )
+    try:
+        run = start_run(MAX_STEP)
+    except AxialStopError:
+        design = design.replace(rotor__axial_load=0.0)
+        run = start_run(MAX_STEP)
+        run.status = AXIAL_STOP
+        return run.pack()
     if _out_of_steps(design, run.system, settings):
         run.status = TOO_MANY_STEPS
         return run.pack()
@@ -295,7 +315,7 @@ class Run:
         self.began = time.perf_counter()
         self.design, self.point, self.settings = design, point, settings
         self.samples, self.progress, self.max_step = samples, progress, max_step
-        self.system = build_system(design, *point, settings.mesh)
+        self.system = running_system(design, *point, settings.mesh)
         self.memory = build_memory(self.system.film, settings.method)
         self.offset = 0
         if start is not None:
@@ -370,13 +390,13 @@ class Run:
     def _take_more_azimuths(self) -> None:
         """Go over to a mesh of more azimuths; stay where the film there would hold no gas."""
         old, before = self.memory, self.system.film
-        mesh = Mesh(before.latitudes, MORE_AZIMUTHS)
-        system = build_system(self.design, *self.point, mesh)
-        memory, n = build_memory(system.film, self.settings.method), film_size(before)
+        mesh = Mesh(self.system.mesh.latitude, MORE_AZIMUTHS)
+        system = running_system(self.design, *self.point, mesh)
+        memory, n = build_memory(system.film, self.settings.method), gas_size(before)
         for vector, wanted in ((old.state, memory.state), (old.tangent, memory.tangent)):
-            gas = on_azimuths(film_array(before, vector), MORE_AZIMUTHS)
+            gas = on_azimuths(gas_array(before, vector), MORE_AZIMUTHS)
             wanted[:] = np.concatenate([gas.ravel(), vector[n:]])
-        if memory.state[: film_size(system.film)].min() > 0.0:
+        if memory.state[: gas_size(system.film)].min() > 0.0:
             memory.control[:] = old.control
             self.generic = build_memory(system.film).tangent
             self.system, self.memory = system, memory
@@ -404,6 +424,16 @@ class Run:
             parts.append(getattr(record, field))
             found += len(parts[-1])
         return np.concatenate(parts[:0:-1] or parts)[-rows:] if rows > 0 else parts[0]
+
+    def _peak(self) -> np.ndarray:
+        """Return the largest eccentricity of each revolution: with an axial offset one less the
+        least film, over C.
+        """
+        peak, film = self.last("peak", self.measured), self.system.film
+        if not film.offset:
+            return peak
+        edge = self.design.bearing.edge
+        return np.array([1.0 - least_gap(edge, film.offset, float(e)) for e in peak])
 
     @property
     def measured(self) -> int:
@@ -518,11 +548,12 @@ class Run:
     def _find_swift(self) -> Swift | None:
         """Find the least damped swift vibration along the next revolution; leave the state."""
         memory, first = self.memory, self.offset + self.done
-        places, state = self.system.unknowns, memory.state.copy()
+        state = memory.state.copy()
         options = Options(self.tolerance, period=REVOLUTION / PHASES)
+        fastest = max(2.0 * _own_frequency(self.design, self.system.rotor), 2.0 * SWIFT)
         modes: list[complex] = []
         for k in range(PHASES):
-            mode = swift_mode(slope_and_jacobian(self.system, memory.state, places)[1][places])
+            mode = swift_mode(eigenvalues(self.system, memory.state, SWIFT, fastest))
             status, _ = advance(
                 self.system, memory, options, PHASES * first + k, 1, build_record(1, 0)
             )
@@ -551,7 +582,7 @@ class Run:
             self.last("growth", with_tangent if self.settled else self.measured),
             self.last("contact", self.measured) / REVOLUTION,
             self.last("thin", self.measured) / REVOLUTION,
-            self.last("peak", self.measured),
+            self._peak(),
             self.last("force", self.measured),
             self.last("box", self.measured),
             self.path,
@@ -568,7 +599,9 @@ def _own_frequency(design: Design, rotor: RotorCoefficients) -> float:
     """A generous bound of the frequency, over the shaft speed, at which the rotor vibrates on its
     film and shaft.
     """
-    film = 4.0 * max(design.bearing.supply_pressure_ratio, 1.0)
+    bearing = design.bearing
+    film = 2.0 * math.pi * bearing.edge if bearing.cylindrical else 4.0
+    film *= max(bearing.supply_pressure_ratio, 1.0)
     return math.sqrt(film * rotor.inverse_mass + rotor.coupling_journal + rotor.coupling_disc)
 
 

@@ -131,6 +131,8 @@ class Shooting:
                 if error <= RATE_ERROR + RATE_SHARE * abs(rate) or (rate < 0.0 and far > REACH):
                     break
                 enough = min(int(-STEPS_PER_RATE * rate), MOST_PER_RATE)
+            elif self.system.film.depth:
+                break  # slow flows in the wall lie too close together, on any steps
             steps = max(3 * steps // 2, enough)
         return found
 

@@ -4,15 +4,12 @@ rest leads to.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
-from spab_core.common.errors import InputError
 from spab_core.design.model import Design
-from spab_core.solver.film import AUTO, Mesh, film_size, thickness
-from spab_core.solver.system import build_system
-from spab_core.trajectory.point_file import load_point
+from spab_core.linear_theory.equilibrium import running_system
+from spab_core.solver.film import AUTO, Mesh, film_size, thickness, with_wall
+from spab_core.solver.rotor import ROTOR_STATES
 
 WHIRLING = "whirling"  # the start that is no file
 ECCENTRICITY = 0.8  # of the large orbit, over C
@@ -23,7 +20,8 @@ def whirling_start(
     design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = AUTO
 ) -> np.ndarray:
     """Return a state on a large circular orbit: 80 % of the clearance at half the shaft speed,
-    forward, journal and disc together, the film at ambient pressure.
+    forward, journal and disc together, the film at ambient pressure, the wall as steady flow into
+    it leaves it.
 
     Parameters
     ----------
@@ -38,40 +36,11 @@ def whirling_start(
     ndarray
         State vector for ``start`` of :func:`~spab_core.trajectory.run.simulate` on this mesh.
     """
-    system = build_system(design, rotor_mass, bearing_number, mesh)
+    system = running_system(design, rotor_mass, bearing_number, mesh)
     n = film_size(system.film)
-    state = np.zeros(system.size)
+    state = np.zeros(n + ROTOR_STATES)
     # S = P H with P = 1
     state[:n] = thickness(system.film, ECCENTRICITY, 0.0).ravel()
     across = ECCENTRICITY * WHIRL_RATIO  # dY/dtau of a forward orbit that stands at Y = 0
     state[n:] = [ECCENTRICITY, 0.0, ECCENTRICITY, 0.0, 0.0, across, 0.0, across]
-    return state
-
-
-def start_of(
-    text: str, design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = AUTO
-) -> np.ndarray:
-    """Return the state that ``text`` names.
-
-    Parameters
-    ----------
-    text : str
-        "whirling" (:func:`whirling_start`), or a point file
-        (:func:`~spab_core.trajectory.point_file.save_point`), whose last state it is.
-    design, rotor_mass, bearing_number, mesh
-        Those of the run to start.
-
-    Raises
-    ------
-    InputError
-        For a file that cannot be read or whose run failed.
-    """
-    if text == WHIRLING:
-        return whirling_start(design, rotor_mass, bearing_number, mesh)
-    point = load_point(Path(text))
-    if point.trajectory.status != "ok":
-        raise InputError(
-            f"the run in {text[:200]!r} failed ({point.trajectory.status}): its last state is no "
-            "start"
-        )
-    return point.trajectory.final
+    return with_wall(system.film, state)

@@ -16,6 +16,7 @@ from spab_core.linear_theory.coefficients import (
     coefficients_over_speed_and_frequency,
     coefficients_over_whirl,
 )
+from spab_core.linear_theory.held import LoadCurves, load_curves
 from spab_core.linear_theory.ross_table import table_bytes
 from spab_core.linear_theory.summary import Derived, derive
 from spab_core.ui.downloads import file_button
@@ -28,6 +29,12 @@ SPEEDS = np.linspace(0.25, 1.5, 26)  # over the speed of the operating point
 def derived_now(design: Design, rotor_mass: float, bearing_number: float) -> Derived:
     """``derive``, or the answer out of the last 64. Raises ``InputError``."""
     return derive(design, rotor_mass, bearing_number)
+
+
+@st.cache_resource(max_entries=64, show_spinner=False)
+def curves_now(design: Design, bearing_number: float) -> LoadCurves:
+    """``load_curves``, or the answer out of the last 64. Raises ``InputError``."""
+    return load_curves(design, bearing_number)
 
 
 @st.cache_resource(max_entries=64, show_spinner=False)
@@ -98,4 +105,4 @@ def coefficient_downloads(
             "coefficients overrate the stability of a rotor that whirls at half speed, by a factor "
             "of two in speed and more: take them for unbalance alone."
         )
-        st.code(command, language="bash", wrap_lines=True)
+        st.code(command, language=None, wrap_lines=True)

@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import streamlit as st
@@ -20,14 +22,34 @@ from spab_core.design.form import (
     from_form,
     grade_of_eccentricity,
     to_form,
+    unused,
 )
-from spab_core.design.model import Design, design_toml, read_design_bytes, reference_design
+from spab_core.design.model import (
+    Design,
+    design_doubts,
+    design_remarks,
+    design_toml,
+    left_out,
+    read_design_bytes,
+    reference_design,
+)
 from spab_core.design.presets import PRESETS
+from spab_core.design.tolerances import parse_list, read_tolerances, tolerances_toml
 from spab_core.ui.downloads import file_button
-from spab_core.ui.view import chosen_design, chosen_point, set_design, set_speed
+from spab_core.ui.view import (
+    NAME_LENGTH,
+    chosen_design,
+    chosen_point,
+    note_typed,
+    set_design,
+    set_speed,
+    show_tolerances,
+)
 
 _USUAL = to_form(reference_design())
 _STIFFNESS, _UNBALANCE = "rotor__shaft_stiffness", "rotor__unbalance_eccentricity"
+MACHINE = ("bearing__radius", "bearing__clearance", _UNBALANCE, _STIFFNESS)
+_NOT_YET = {"rotor__axial_motion"}  # one value alone is allowed
 UNBALANCE_AS = ("eccentricity", "grade G")
 
 
@@ -44,7 +66,8 @@ def _fill(design: Design) -> None:
     """Put a design into the widgets."""
     state = st.session_state
     for name, value in to_form(design).items():
-        state[_key(name)] = value if math.isfinite(value) else _USUAL[name]
+        endless = not FIELDS[name].choices and math.isinf(value)
+        state[_key(name)] = _USUAL[name] if endless else value
     state["my_rigid"] = design.rigid
     state["my_filled"], state["my_error"] = design, None
 
@@ -65,7 +88,9 @@ def _fill_grade(design: Design) -> None:
     state["my_grade_of"] = design
 
 
-def _take(design: Design, rotor_mass: float | None = None, speed_rpm: float | None = None) -> None:
+def take_design(
+    design: Design, rotor_mass: float | None = None, speed_rpm: float | None = None
+) -> None:
     """Make it the design that the user works on, in a widget's callback.
 
     The machine keeps its mass and speed where none are given: the bearing number follows.
@@ -77,11 +102,12 @@ def _take(design: Design, rotor_mass: float | None = None, speed_rpm: float | No
     st.session_state["my_error"] = None
 
 
-def _typed() -> None:
-    """Something in the form changed."""
+def _typed(name: str = "") -> None:
+    """Something in the form changed: the field of this name."""
     state, base = st.session_state, chosen_design()
-    values = {name: state[_key(name)] for name in FIELDS}
-    if state["my_rigid"]:
+    # a page may show some of the fields
+    values = {name: state[_key(name)] for name in FIELDS if _key(name) in state}
+    if state.get("my_rigid", base.rigid):
         values[_STIFFNESS] = math.inf
     try:
         for name, value in values.items():
@@ -93,7 +119,8 @@ def _typed() -> None:
     except InputError as error:
         state["my_error"] = str(error)
         return
-    _take(design)
+    take_design(design)
+    note_typed([name] if name else [])
     state["my_filled"] = design  # what is typed stays as it was typed
 
 
@@ -112,14 +139,17 @@ def _grade_typed() -> None:
     except InputError as error:
         state["my_error"] = str(error)
         return
-    _take(design)
+    take_design(design)
+    note_typed([_UNBALANCE])
     state["my_grade_of"] = design
 
 
 def _preset_chosen() -> None:
     chosen = PRESETS.get(st.session_state["my_preset"])
     if chosen is not None:
-        _take(chosen.design, chosen.rotor_mass, chosen.speed_rpm)
+        st.session_state["name"] = st.session_state["my_notes"] = ""
+        take_design(chosen.design, chosen.rotor_mass, chosen.speed_rpm)
+        note_typed(FIELDS)
 
 
 def _uploaded() -> None:
@@ -127,33 +157,55 @@ def _uploaded() -> None:
     if state["my_file"] is None:
         return
     try:
-        design = read_design_bytes(state["my_file"].getvalue(), state["my_file"].name)
+        data = state["my_file"].getvalue()
+        design = read_design_bytes(data, state["my_file"].name)
+        tolerances = read_tolerances(data, state["my_file"].name)
     except InputError as error:
         state["my_error"] = str(error)
         return
-    _take(design)
+    take_design(design)
+    lacking = {key.replace(".", "__") for key in left_out(data)}
+    note_typed(name for name in FIELDS if name not in lacking)
+    state["my_remarks"] = design, design_remarks(data)
+    if tolerances:
+        show_tolerances(tolerances)
+    state["name"], state["my_notes"] = design.name[:NAME_LENGTH], design.notes
 
 
-def _number(place: DeltaGenerator, field: FormField, **options: Any) -> None:
+def _field(place: DeltaGenerator, field: FormField, **options: Any) -> None:
+    """Show the widget of a value; one that says nothing about the design is disabled."""
     usual = _USUAL[field.name]
-    place.number_input(
-        field.title,
-        value=None,
-        key=_key(field.name),
-        format="%g",
-        on_change=_typed,
-        help=field.help,
-        step=10.0 ** (math.floor(math.log10(usual)) - 1),
-        **options,
-    )
+    shared: dict[str, Any] = {
+        "key": _key(field.name),
+        "on_change": _typed,
+        "args": (field.name,),
+        "help": field.help,
+        "disabled": field.name in unused(chosen_design()) | _NOT_YET,
+    } | options
+    if field.choices == (False, True):
+        place.checkbox(field.title, **shared)
+    elif field.choices:
+        place.segmented_control(field.title, field.choices, required=True, **shared)
+    else:
+        place.number_input(
+            field.title,
+            value=None,
+            format="%g",
+            step=10.0 ** (math.floor(math.log10(usual or 1.0)) - 1),
+            **shared,
+        )
 
 
 def _rotor_fields() -> None:
     fields = {f.name: f for f in FIELDS.values() if f.group == "Rotor"}
     left, right = st.columns(2)
-    _number(left, fields[_STIFFNESS], disabled=st.session_state["my_rigid"])
+    _field(left, fields[_STIFFNESS], disabled=st.session_state["my_rigid"])
     right.checkbox(
-        "Rigid shaft", key="my_rigid", on_change=_typed, help="Disc and journal move as one"
+        "Rigid shaft",
+        key="my_rigid",
+        on_change=_typed,
+        args=(_STIFFNESS,),
+        help="Disc and journal move as one",
     )
     how = st.segmented_control(
         "Unbalance given as",
@@ -185,34 +237,53 @@ def _rotor_fields() -> None:
         )
         st.caption(f"e_u = {1e6 * chosen_design().rotor.unbalance_eccentricity:.4g} µm")
     else:
-        _number(left, fields[_UNBALANCE])
-    left, right = st.columns(2)
-    for place, name in ((left, "rotor__journal_mass_fraction"), (right, "rotor__gravity")):
-        _number(place, fields[name])
+        _field(left, fields[_UNBALANCE])
+    rest = [name for name in fields if name not in (_STIFFNESS, _UNBALANCE)]
+    columns = st.columns(2)
+    for k, name in enumerate(rest):
+        _field(columns[k % 2], fields[name])
+
+
+def _prepare(names: Iterable[str]) -> None:
+    """Fill the fields of these names where they do not hold the design; tell what was wrong."""
+    state, design = st.session_state, chosen_design()
+    if (
+        state.get("my_filled") != design
+        or any(_key(name) not in state for name in names)
+        or "my_rigid" not in state
+    ):
+        _fill(design)
+    if error := state["my_error"]:
+        st.error(f"{error[0].upper()}{error[1:]}. The design stays as it was.")
+
+
+def machine_fields(row: DeltaGenerator) -> None:
+    """Show what a designer has at hand besides the operating point, in a row."""
+    _prepare(MACHINE)
+    for name in MACHINE:
+        rigid = name == _STIFFNESS and st.session_state["my_rigid"]
+        _field(row, FIELDS[name], width=172, disabled=rigid)
 
 
 def design_fields() -> None:
     """Show every value of the design in the units of a drawing; a wrong value is told and changes
     nothing.
     """
-    state, design = st.session_state, chosen_design()
-    if (
-        state.get("my_filled") != design
-        or any(_key(name) not in state for name in FIELDS)
-        or "my_rigid" not in state
-    ):
-        _fill(design)
-    _fill_grade(design)
-    if error := state["my_error"]:
-        st.error(f"{error[0].upper()}{error[1:]}. The design stays as it was.")
+    _prepare(FIELDS)
+    _fill_grade(chosen_design())
+    of, remarks = st.session_state.get("my_remarks", (None, []))
+    design = chosen_design()
+    for remark in remarks if of == design else design_doubts(design):
+        st.warning(f"{remark[0].upper()}{remark[1:]}.")
     for tab, group in zip(st.tabs(list(GROUPS)), GROUPS, strict=True):
         with tab:
             if group == "Rotor":
                 _rotor_fields()
                 continue
             columns = st.columns(2)
-            for k, field in enumerate(f for f in FIELDS.values() if f.group == group):
-                _number(columns[k % 2], field)
+            fields = [f for f in FIELDS.values() if f.group == group]
+            for k, field in enumerate(sorted(fields, key=lambda f: not f.choices)):
+                _field(columns[k % 2], field)
 
 
 def design_popover() -> None:
@@ -221,7 +292,7 @@ def design_popover() -> None:
         design_fields()
         st.button(
             "Back to the reference bearing",
-            on_click=_take,
+            on_click=take_design,
             args=(reference_design(),),
             key="design_reset",
         )
@@ -229,13 +300,12 @@ def design_popover() -> None:
 
 def design_files() -> None:
     """Presets to start from, design files to open and save."""
-    design = chosen_design()
+    state, design = st.session_state, chosen_design()
     # the preset's name stays there only as long as it is that design
     st.session_state["my_preset"] = next(
         (name for name, p in PRESETS.items() if p.design == design), None
     )
-    a, b = st.columns([2.2, 1], vertical_alignment="bottom")
-    a.selectbox(
+    st.selectbox(
         "Start from",
         list(PRESETS),
         key="my_preset",
@@ -245,14 +315,16 @@ def design_files() -> None:
         index=None,
         help="  \n".join(f"{p.label}: {p.text}." for p in PRESETS.values()),
     )
-    with b.popover("Open, save", icon=":material/folder_open:", width="stretch"):
-        st.file_uploader(
-            "Design file, TOML", type="toml", key="my_file", on_change=_uploaded, max_upload_size=1
+    st.file_uploader(
+        "Design file, TOML", type="toml", key="my_file", on_change=_uploaded, max_upload_size=1
+    )
+    file_button(
+        "Save this design as TOML",
+        design_toml(
+            dataclasses.replace(design, name=state.get("name", ""), notes=state.get("my_notes", ""))
         )
-        file_button(
-            "Save this design as TOML",
-            design_toml(design),
-            "my.toml",
-            "my_save",
-            icon=":material/download:",
-        )
+        + tolerances_toml(parse_list(state["tolerances"])),
+        "my.toml",
+        "my_save",
+        icon=":material/download:",
+    )

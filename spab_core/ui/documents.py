@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import html
 import re
 from collections.abc import Iterable
 from itertools import groupby
@@ -56,13 +58,23 @@ def read_sections(name: str, needed: Iterable[str] = (), folder: Path = DOCS) ->
 def show_sections(sections: dict[str, str], folder: Path = DOCS) -> None:
     """Draw sections of a document; pictures' paths are those of ``folder``."""
     for heading, body in sections.items():
-        lines = ([f"#### {heading}", ""] if heading else []) + body.splitlines()
+        lines = ([f"## {heading}", ""] if heading else []) + body.splitlines()
         for pictures, group in groupby(lines, key=lambda line: bool(_PICTURE.fullmatch(line))):
             found = list(group)
             if pictures:
                 _show_pictures(found, folder)
             elif any(line.strip() for line in found):
                 st.markdown("\n".join(found))
+
+
+def _picture(path: Path, words: str) -> str:
+    """A picture with its words for those who do not see it."""
+    source = base64.b64encode(path.read_bytes()).decode()
+    told = html.escape(words)
+    return (
+        f'<img alt="{told}" style="max-width:100%" src="data:image/png;base64,{source}">'
+        f'<p aria-hidden="true" style="font-size:.875rem;opacity:.82">{told}</p>'
+    )
 
 
 def _show_pictures(lines: list[str], folder: Path) -> None:
@@ -72,6 +84,6 @@ def _show_pictures(lines: list[str], folder: Path) -> None:
             assert picture is not None
             path = folder / picture["path"]
             if path.is_file():
-                place.image(str(path), caption=picture["words"])
+                place.html(_picture(path, picture["words"]))
             else:
                 place.caption(f"{picture['words']}: the picture {picture['path']} is missing.")

@@ -64,8 +64,7 @@ def file_button(
         _TYPES[Path(file).suffix],
         key=key or file.replace(".", "_"),
         on_click="ignore",
-        width="stretch",
-        **options,
+        **{"width": "stretch"} | options,
     )
 
 
@@ -111,8 +110,15 @@ def downloads(
                 disabled=browser_path() is None,
                 help=_PNG_HELP,
             )
+        semicolons = bool(tables) and st.toggle(
+            "CSV with semicolons and decimal commas",
+            key=f"{name}_semicolons",
+            help="As Excel reads it where a comma is the decimal sign",
+        )
         for title, table in (tables or {}).items():
-            file_button(f"{title}, CSV", partial(_csv, table), f"{_stem(name, title)}.csv")
+            file_button(
+                f"{title}, CSV", partial(_csv, table, semicolons), f"{_stem(name, title)}.csv"
+            )
         for ending, make in (files or {}).items():
             file_button(_LABELS[ending], make, f"{name}.{ending}")
         if not is_reference():
@@ -120,7 +126,7 @@ def downloads(
             file_button("Design, TOML", make_toml, "my.toml", f"{name}_toml")
         if command:
             st.caption("The same on the command line:")
-            st.code(command, language="bash", wrap_lines=True)
+            st.code(command, language=None, wrap_lines=True)
 
 
 def _stem(name: str, title: str) -> str:
@@ -136,5 +142,5 @@ def _figure(
     )  # what is shown: one drawn before (ui/drawn.py) has nothing else
 
 
-def _csv(table: Callable[[], pd.DataFrame]) -> bytes:
-    return csv_bytes(table())
+def _csv(table: Callable[[], pd.DataFrame], semicolons: bool) -> bytes:
+    return csv_bytes(table(), semicolons)

@@ -8,9 +8,11 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from spab_core.jobs.kinds import KINDS
-from spab_core.jobs.store import Job, JobError, cancel, find, job_id, submit
+from spab_core.jobs.store import Job, JobError, active_jobs, cancel, find, job_id, submit
+from spab_core.ui.running import time_left
 from spab_core.ui.shared import errors_in_words
 
+AUTO = 30.0  # seconds up to which a job is started without asking
 _EVERY = 0.7  # seconds between two looks at a job
 
 
@@ -35,7 +37,8 @@ def job_panel(
     key : str
         Prefix of the widgets' keys.
     auto : bool
-        Start it without asking, once: a cancelled or failed one waits for the user.
+        Start it without asking, once: a cancelled or failed one waits for the user, and so does
+        one whose kind is at work for something else.
     files : dict
         As in ``jobs.submit``.
 
@@ -46,7 +49,8 @@ def job_panel(
     """
     with errors_in_words():
         job, damage = _find(job_id(kind, parameters))
-        if auto and not job and not damage:
+        others = auto and not job and any(other.kind == kind for other in active_jobs())
+        if auto and not (job or damage or others):
             job = submit(kind, parameters, files)
     if job and job.active:
         st.fragment(_watch, run_every=_EVERY)(job.id, key)
@@ -79,7 +83,7 @@ def _tell_end(place: DeltaGenerator, job: Job | None, damage: str) -> str:
         place.error(f"Failed: {job.message if job else damage}.".replace("..", "."))
         return "Try again"
     if KINDS[job.kind].resumes:
-        place.warning(f"Cancelled{_count(job)}. What is solved is kept.")
+        place.warning(f"Cancelled{_count(job)}. What has been solved is kept.")
         return "Go on"
     place.warning(f"Cancelled{_count(job)}. Nothing is kept of it: it starts from the beginning.")
     return "Start again"
@@ -93,15 +97,6 @@ def _count(job: Job) -> str:
     return f" at {job.done:,} of {job.total:,}" if job.total else ""
 
 
-def time_left(seconds: float | None) -> str:
-    """Such as "about 40 s left", in steps that do not flicker; "" where it is not known."""
-    if seconds is None:
-        return ""
-    if seconds < 90:
-        return f"about {max(5 * round(seconds / 5), 1)} s left"
-    return f"about {round(seconds / 60)} min left"
-
-
 def _watch(name: str, key: str) -> None:
     """What a fragment shows of an active job; the whole page runs again once it has ended."""
     with errors_in_words():
@@ -111,7 +106,11 @@ def _watch(name: str, key: str) -> None:
     words = ", ".join(
         filter(
             None,
-            [f"{job.done:,} of {job.total:,}" if job.total else "", time_left(job.seconds_left)],
+            [
+                job.message.capitalize(),
+                f"{job.done:,} of {job.total:,}" if job.total else "",
+                time_left(job.seconds_left),
+            ],
         )
     )
     if job.state == "queued":

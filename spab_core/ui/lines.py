@@ -9,6 +9,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import streamlit as st
 
 from spab_core.jobs.store import Job, JobError, find, job_id
@@ -17,11 +18,13 @@ from spab_core.maps.bifurcation import (
     Bifurcation,
     interval_table,
     line_table,
+    line_verdict,
     load_bifurcation,
 )
 from spab_core.plotting.lines import bifurcation_figure
 from spab_core.shipped.manifest import ARTIFACTS, load_reference_bifurcation
 from spab_core.ui.downloads import downloads
+from spab_core.ui.verdict import grade_box, grade_label
 
 _LABELS = {"rotor-mass": "kg", "bearing-number": "Λ"}
 
@@ -81,7 +84,8 @@ def line_view(
     height: int,
     beside: bool = False,
 ) -> None:
-    """A line's figure with the list of its chaotic intervals, and everything to take away.
+    """A line's figure with the list of its bands by what the motion is worth, and everything to
+    take away.
 
     ``mark`` is the chosen point's value on the line; ``file`` its NPZ file, if there is one;
     ``beside``: the list stands beside the figure, not under it."""
@@ -106,33 +110,40 @@ def line_view(
 
 
 def _intervals(line: Bifurcation, sweeps: Sequence[str], name: str, height: int) -> None:
+    shown = [s for s in line.branches if s in sweeps]
+    for sweep in shown:
+        worst, words = line_verdict(line, sweep)
+        grade_box(f"**{sweep}** {words}" if len(shown) > 1 else words, worst)
     table = interval_table(line, sweeps)
-    failed = {s: int((line.branches[s].status != "ok").sum()) for s in sweeps if s in line.branches}
+    failed = {s: int((line.branches[s].status != "ok").sum()) for s in shown}
     unit = _LABELS[line.vary]
-    if table.empty:
-        st.info("No chaotic point on this line. Contact and whirl are not looked at here.")
-    else:
-        st.caption(
-            "Chaotic intervals, first and last chaotic point; shaded: "
-            f"{next(s for s in line.branches if s in sweeps)}"
-        )
-        if len(sweeps) == 1:
-            table = table.drop(columns="sweep")
-        st.dataframe(
-            table,
-            hide_index=True,
-            key=f"{name}_intervals",
-            height=min(height, 38 + 35 * len(table)),
-            column_config={
-                "sweep": "sweep",
-                "first": st.column_config.NumberColumn(f"from, {unit}", format="%.4g"),
-                "last": st.column_config.NumberColumn(f"to, {unit}", format="%.4g"),
-                "first_rpm": st.column_config.NumberColumn("from, rpm", format="%.0f"),
-                "last_rpm": st.column_config.NumberColumn("to, rpm", format="%.0f"),
-            },
-        )
+    st.caption(
+        "Bands by what the motion is worth, first and last point; shaded: "
+        f"{next(iter(shown), '')}. Resonance and stability at rest are judged where a point is "
+        "solved alone."
+    )
+    if len(shown) == 1:
+        table = table.drop(columns="sweep")
+    band_table(table, f"{name}_intervals", unit, height)
     if any(failed.values()):
         st.caption(
             "Without an exponent (the run failed): "
             + ", ".join(f"{n} of {s}" for s, n in failed.items() if n)
         )
+
+
+def band_table(table: pd.DataFrame, key: str, unit: str, height: int = 330) -> None:
+    """Show bands of a line (``maps.bifurcation.interval_table``), ``unit`` that of its values."""
+    st.dataframe(
+        table.assign(assessment=table["assessment"].map(grade_label)),
+        hide_index=True,
+        key=key,
+        height=min(height, 38 + 35 * len(table)),
+        column_config={
+            "sweep": "sweep",
+            "first": st.column_config.NumberColumn(f"from, {unit}", format="%.4g"),
+            "last": st.column_config.NumberColumn(f"to, {unit}", format="%.4g"),
+            "first_rpm": st.column_config.NumberColumn("from, rpm", format="%,.0f"),
+            "last_rpm": st.column_config.NumberColumn("to, rpm", format="%,.0f"),
+        },
+    )

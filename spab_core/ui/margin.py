@@ -1,26 +1,144 @@
-"""The solved margin of the chosen point on a page: solved on a click, then kept."""
+"""The solved margin of the chosen point on a page: solved beside the page, without asking, then
+kept.
+"""
 
 from __future__ import annotations
 
+import math
+import os
+import queue
+import sys
+import threading
+import time
+import traceback
 from collections import OrderedDict
-from threading import Lock
+from collections.abc import Callable
+from concurrent import futures
+from contextlib import suppress
+from typing import Any, ParamSpec, TypeVar
 
 import streamlit as st
 
+from spab_core.common.errors import InputError
 from spab_core.design.model import Design
 from spab_core.maps.solved_margin import SolvedMargin, solve_margin
+from spab_core.plotting.margin import margin_figure
+from spab_core.ui.plain_picture import plotly_wanted
 from spab_core.ui.solving import LIVE, waits_for_compiler
 
+P = ParamSpec("P")
+T = TypeVar("T")
+USUAL = 220  # points of a margin, for its progress
+# what is looked at first: span, points to each side as near each other as all are, brackets
+NEAR, NEAR_POINTS, NEAR_PRECISION = (0.8, 1.25), 2, 0.01
 _KEPT = 64
+_DELAY = 0.6  # seconds from the first sight of a point: who clicks on wants another one
+_LEFT = 20.0  # seconds without a page that looks at it, after which it is given up
+_EVERY = 0.5  # seconds between two looks
+_THREADS = min(2, os.cpu_count() or 1)
+_LOOKED_AT = "_margin"  # the margin that the session looks at
 _Key = tuple[Design, float, float]
 
 
+class _LeftError(Exception):
+    """No page waits for the margin any more."""
+
+
+class _Run(futures.Executor):
+    """A margin being solved on threads of their own, as long as a page looks at it."""
+
+    def __init__(self, key: _Key, pool: futures.Executor, keep: Callable[[SolvedMargin], None]):
+        self.solved, self.problem, self._pool = 0, "", pool
+        self.near: SolvedMargin | None = None  # of the nearest trouble, told before all is solved
+        self.wanted = time.monotonic()
+        self._thread = threading.Thread(target=self._solve, args=(key, keep), daemon=True)
+        self._thread.start()
+
+    @property
+    def ended(self) -> bool:
+        return not self._thread.is_alive()
+
+    def _check(self) -> None:
+        if time.monotonic() - self.wanted > _LEFT:
+            raise _LeftError
+
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> futures.Future[T]:
+        """Solve on one of the threads; raises where nobody waits any more."""
+
+        def call() -> T:
+            self._check()
+            return fn(*args, **kwargs)
+
+        self._check()
+        return self._pool.submit(call)
+
+    def _progress(self, count: int) -> None:
+        self.solved += count
+
+    def _solve(self, key: _Key, keep: Callable[[SolvedMargin], None]) -> None:
+        step_back()
+        time.sleep(_DELAY)
+        try:
+            self.near = solve_margin(
+                *key,
+                LIVE,
+                points=NEAR_POINTS,
+                span=NEAR,
+                precision=NEAR_PRECISION,
+                pool=self,
+            )
+            keep(solve_margin(*key, LIVE, pool=self, progress=self._progress))
+        except _LeftError:
+            pass
+        except InputError as error:
+            self.problem = str(error)
+        except Exception as error:  # told on the page
+            traceback.print_exc()
+            self.problem = f"the margin could not be solved: {type(error).__name__}: {error}"
+
+
+class _Threads(futures.Executor):
+    """Threads that give way to others, and do not keep the server from ending."""
+
+    def __init__(self, count: int) -> None:
+        self._calls: queue.SimpleQueue[tuple[futures.Future[Any], Callable[[], Any]]]
+        self._calls = queue.SimpleQueue()
+        for _ in range(count):
+            threading.Thread(target=self._work, daemon=True).start()
+
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> futures.Future[T]:
+        """Have a thread make the call."""
+        future: futures.Future[T] = futures.Future()
+        self._calls.put((future, lambda: fn(*args, **kwargs)))
+        return future
+
+    def _work(self) -> None:
+        step_back()
+        while True:
+            future, call = self._calls.get()
+            try:
+                future.set_result(call())
+            except BaseException as error:  # raised where the result is asked for
+                future.set_exception(error)
+
+
+def step_back() -> None:
+    """Let the calling thread give way to those that answer users; on Linux, where threads have
+    priorities of their own.
+    """
+    if sys.platform == "linux":
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 10)
+
+
 class _Store:
-    """The last margins solved, of all sessions."""
+    """The last margins solved, of all sessions, and those being solved."""
 
     def __init__(self) -> None:
         self._found: OrderedDict[_Key, SolvedMargin] = OrderedDict()
-        self._lock = Lock()
+        self._runs: dict[_Key, _Run] = {}
+        self._lock = threading.Lock()
+        self._pool = _Threads(_THREADS)
 
     def get(self, key: _Key) -> SolvedMargin | None:
         with self._lock:
@@ -31,6 +149,24 @@ class _Store:
             self._found[key] = found
             while len(self._found) > _KEPT:
                 self._found.popitem(last=False)
+
+    def leave(self, key: _Key) -> None:
+        """A page that looked at a margin goes on to another."""
+        with self._lock:
+            if run := self._runs.get(key):
+                run.wanted = -math.inf
+
+    def run(self, key: _Key) -> _Run:
+        """Return the run of a margin, started if there is none, and that a page waits for it."""
+        with self._lock:
+            for other, old in list(self._runs.items()):
+                if old.ended and other != key:
+                    del self._runs[other]
+            run = self._runs.get(key)
+            if run is None or (run.ended and not run.problem):
+                run = self._runs[key] = _Run(key, self._pool, lambda found: self.keep(key, found))
+            run.wanted = time.monotonic()
+            return run
 
 
 @st.cache_resource(show_spinner=False)
@@ -44,29 +180,52 @@ def kept_margin(design: Design, rotor_mass: float, bearing_number: float) -> Sol
 
 
 def margin_words(found: SolvedMargin) -> str:
-    """A solved margin as Markdown: a bold sentence and a list."""
-    told = [f"- :small[{text}]" for text in found.sentences()]
-    return "\n".join([f"**{found.headline()}**", "", *told])
+    """A solved margin as Markdown: a list."""
+    return "\n".join(f"- :small[{text}]" for text in found.sentences())
 
 
 def margin_panel(design: Design, rotor_mass: float, bearing_number: float) -> None:
-    """The solved margin of a point in words; where it is not solved yet, the button that solves
-    it.
+    """The solved margin of a point in words and as a figure; solved beside the page if it is not
+    yet.
     """
-    found = kept_margin(design, rotor_mass, bearing_number)
+    key = design, rotor_mass, bearing_number
+    before, st.session_state[_LOOKED_AT] = st.session_state.get(_LOOKED_AT), key
+    if before not in (None, key):
+        _store().leave(before)
+    found = _store().get(key)
     if found is None:
-        place = st.empty()
-        asked = place.button(
-            "Solve the margin",
-            key="solve_margin",
-            icon=":material/straighten:",
-            help="Where rubbing, a thin film, whirl, chaos or resonance begin or end along speed "
-            "and mass: some 100 points, solved from rest; about 10 s",
-        )
-        if not asked or waits_for_compiler(design, rotor_mass, bearing_number):
+        if waits_for_compiler(design, rotor_mass, bearing_number, words=False):
             return
-        place.empty()
-        with st.spinner("Solving the margin …"):
-            found = solve_margin(design, rotor_mass, bearing_number, LIVE)
-        _store().keep((design, rotor_mass, bearing_number), found)
-    st.markdown(margin_words(found))
+        _store().run(key)
+        st.fragment(_watch, run_every=_EVERY)(key)
+        return
+    st.markdown(f"**{found.headline()}**")
+    if plotly_wanted():
+        st.plotly_chart(
+            margin_figure(found),
+            key="margin_figure",
+            width="stretch",
+            config={"displayModeBar": False},
+        )
+    with st.expander("All limits, and what was not looked at"):
+        st.markdown(margin_words(found))
+
+
+def _watch(key: _Key) -> None:
+    """What a fragment shows of a margin at work; the whole page runs again once it has ended."""
+    run = _store().run(key)
+    if run.problem:
+        st.error(run.problem)
+        return
+    if _store().get(key) is not None:
+        st.rerun()
+    if run.near:
+        st.markdown(f"**{run.near.headline()}**")
+        st.caption(
+            f"So far, looked at from {NEAR[0]:g} to {NEAR[1]:g} times speed and mass; the rest "
+            "follows."
+        )
+    st.progress(
+        min(run.solved / USUAL, 0.97),
+        f"Solving the margin: {run.solved} of some {USUAL} points along speed and mass",
+    )

@@ -2,55 +2,88 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import streamlit as st
 
 from spab_core.active_learning.refine import Refinement
 from spab_core.design.model import Design
-from spab_core.maps.margin import Margin
+from spab_core.maps.solved_margin import SolvedMargin
 from spab_core.maps.stability_map import StabilityMap
+from spab_core.plotting.margin import margin_figure
 from spab_core.plotting.point import orbit_figure, section_figure
 from spab_core.reporting.export import browser_path
-from spab_core.reporting.report import Section, design_section, report_html, report_pdf
+from spab_core.reporting.report import (
+    Section,
+    Summary,
+    design_section,
+    report_html,
+    report_pdf,
+)
+from spab_core.trajectory.assessment import DEFAULT_LIMITS
 from spab_core.trajectory.point import OperatingPoint
 from spab_core.trajectory.provenance import film_nodes
 from spab_core.ui.downloads import file_button
+from spab_core.ui.drawings import sections_of
 from spab_core.ui.margin import kept_margin
-from spab_core.ui.own_map import own_figure
+from spab_core.ui.own_map import cell_of, cell_words, own_figure
 from spab_core.ui.shared import errors_in_words
 from spab_core.ui.solving import live_point
-from spab_core.ui.view import OWN_LAYERS
+from spab_core.ui.verdict import assumed_words
+from spab_core.ui.view import OWN_LAYERS, design_words
 
 
 def report_downloads(
     design: Design,
-    found: tuple[Refinement, StabilityMap],
-    at: Margin | None,
+    found: tuple[Refinement, StabilityMap] | None,
     rotor_mass: float,
     bearing_number: float,
     map_command: str,
 ) -> None:
-    """A popover with the report as HTML and PDF, made on the click; nothing is in it as long as the
-    solver is compiled.
+    """A popover with the report (:func:`report_buttons`)."""
+    with st.popover("Report", icon=":material/description:"):
+        report_buttons(design, found, rotor_mass, bearing_number, map_command)
+
+
+def report_buttons(
+    design: Design,
+    found: tuple[Refinement, StabilityMap] | None,
+    rotor_mass: float,
+    bearing_number: float,
+    map_command: str = "",
+) -> OperatingPoint | None:
+    """Offer the report as HTML and PDF, made on the click; nothing as long as the solver is
+    compiled.
 
     Parameters
     ----------
     design : Design
-    found : tuple
+    found : tuple, optional
         The published map of the design.
-    at : Margin or None
-        Of the operating point in that map; None outside it.
     rotor_mass, bearing_number : float
         The operating point.
     map_command : str
         Command line that computes the map.
+
+    Returns
+    -------
+    OperatingPoint or None
+        What the report is of.
     """
-    with st.popover("Report", icon=":material/description:"), errors_in_words():
+    with errors_in_words():
         point = live_point(design, rotor_mass, bearing_number)
         if point is None:
-            return
-        html = partial(_html, found, at, point, map_command)
+            return None
+        head = Head(
+            st.session_state["project"],
+            st.session_state["author"],
+            design_words(),
+            assumed_words(),
+        )
+        more = sections_of(design, rotor_mass, design.speed_rpm(bearing_number))
+        html = partial(_html, head, found, point, map_command, more)
         file_button("Report, HTML", lambda: html().encode(), "report.html")
         file_button(
             "Report, PDF",
@@ -59,33 +92,93 @@ def report_downloads(
             disabled=browser_path() is None,
             help="Printed by Chromium or Chrome on the server",
         )
+    return point
+
+
+@dataclass(frozen=True)
+class Head:
+    """What a report says of itself: taken on the page, as its file is made without one."""
+
+    project: str
+    author: str
+    design: str
+    assumed: list[str]
 
 
 def _html(
-    found: tuple[Refinement, StabilityMap],
-    at: Margin | None,
+    head: Head,
+    found: tuple[Refinement, StabilityMap] | None,
     point: OperatingPoint,
     map_command: str,
+    more: Sequence[Section],
 ) -> str:
     solved = kept_margin(point.design, point.rotor_mass, point.bearing_number)
-    margin = [solved.headline(), *solved.sentences()] if solved else []
-    margin += (
-        [f"Regimes alone, read off the map. {at.headline()}", *at.sentences()]
-        if at
-        else ["The operating point is outside the map."]
-    )
-    sections = [
-        design_section(point.design),
-        _point_section(point),
-        Section("Margin", margin),
-        _map_section(found, point),
-    ]
+    told = solved.sentences() if solved else []
+    if found:
+        cell = cell_of(found[1], point.rotor_mass, point.bearing_number)
+        told.append(cell_words(found, cell) if cell else "The operating point is outside the map.")
+    sections = [_point_section(point)]
+    if told:
+        figures = {"What stands along speed and mass": margin_figure(solved)} if solved else {}
+        sections.append(Section("Margin", told, figures=figures))
+    if found:
+        sections.append(_map_section(found, point))
+    sections += more
+    sections.append(design_section(point.design))
+    at_point = f"--rotor-mass {point.rotor_mass:g} --bearing-number {point.bearing_number:.6g}"
     commands = [
-        f"spab simulate --design my.toml --rotor-mass {point.rotor_mass:g} --bearing-number "
-        f"{point.bearing_number:.6g}",
-        map_command,
+        f"spab simulate --design my.toml {at_point}",
+        f"spab margin --design my.toml {at_point}",
+        *([map_command] if map_command else []),
     ]
-    return report_html("Rotor on spherical porous gas bearings", sections, commands)
+    box = summary(point, solved, head.assumed)
+    lines = {"Project": head.project, "Author": head.author, "Design": head.design}
+    title = "Rotor on spherical porous gas bearings"
+    return report_html(title, sections, commands, box=box, head=lines)
+
+
+def summary(point: OperatingPoint, solved: SolvedMargin | None, assumed: Sequence[str]) -> Summary:
+    """What a report begins with: verdict, limits in the machine's units, assumptions.
+
+    Parameters
+    ----------
+    point : OperatingPoint
+    solved : SolvedMargin, optional
+        Its margin.
+    assumed : sequence of str
+        Values that nobody gave.
+    """
+    judged = solved.assessment if solved else point.assessment()
+    design, rpm = point.design, point.design.speed_rpm(point.bearing_number)
+    clearance = 1e6 * design.bearing.clearance
+    weight = point.rotor_mass * design.rotor.gravity
+    rows = [
+        ("Rotor mass on one bearing", f"{point.rotor_mass:.4g} kg, a load of {weight:.4g} N"),
+        ("Shaft speed", f"{rpm:,.0f} rpm"),
+    ]
+    if point.mle is not None:
+        rows += [
+            (
+                "Least film",
+                f"{1e6 * point.least_film:.1f} µm of {clearance:.4g} µm, limit "
+                f"{1e6 * judged_film(point):.1f} µm",
+            ),
+            ("Contact", f"{100 * point.contact_share:.1f} % of the time"),
+        ]
+    rows += [
+        (f"Going {limit.towards()}", limit.words())
+        for limit in (solved.limits if solved else ())
+        if limit.begins and limit.grade == "avoid"
+    ][:4]
+    rows.append(("Margin", solved.headline() if solved else "not solved"))
+    if assumed:
+        rows.append(("Assumed, not given", "; ".join(assumed)))
+    return Summary(judged.grade, judged.motion, judged.rest, rows)
+
+
+def judged_film(point: OperatingPoint) -> float:
+    """The thinnest film allowed at a point, m."""
+    return DEFAULT_LIMITS.film(point.design)
 
 
 def _point_section(point: OperatingPoint) -> Section:
@@ -94,9 +187,10 @@ def _point_section(point: OperatingPoint) -> Section:
     if judged.reasons:
         words.append(f"Why: {'; '.join(judged.reasons)}.")
     if state is not None and state.status == "ok":
+        angle = state.attitude_angle
         words.append(
-            f"Static equilibrium: eccentricity {state.eccentricity:.3f}, attitude angle "
-            f"{state.attitude_angle:.1f}°."
+            f"Static equilibrium: eccentricity {state.eccentricity:.3f}"
+            + ("." if angle is None else f", attitude angle {angle:.1f}°.")
         )
     title = (
         f"Operating point: {point.rotor_mass:g} kg on one bearing at "
@@ -115,8 +209,9 @@ def _map_section(found: tuple[Refinement, StabilityMap], point: OperatingPoint) 
     refined = found[0]
     words = (
         f"{int(refined.solved.sum()):,} of {refined.batch.size:,} cells solved (dots), the others "
-        f"predicted by trees on linear theory; {film_nodes(refined.metadata)}, "
-        f"{refined.metadata['transient']} + {refined.metadata['revolutions']} revolutions a cell."
+        "predicted by trees on linear theory, with the probability of their assessment; "
+        f"{film_nodes(refined.metadata)}, {refined.metadata['transient']} + "
+        f"{refined.metadata['revolutions']} revolutions a cell."
     )
     figures = {
         f"{layer} over the plane": own_figure(found, layer, point.bearing_number, point.rotor_mass)

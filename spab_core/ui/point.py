@@ -245,8 +245,10 @@ def solver_controls(cost: bool = True) -> None:
         if seconds <= LIVE_SECONDS
         else "it runs in the background, with progress and cancel"
     )
+    long = duration(seconds)
+    told = f"About {long} at most" if seconds >= 1.0 else long.capitalize()
     st.caption(
-        f"At most about {duration(seconds)} on this mesh: {where}. The cost grows with revolutions "
-        "and faster than the mesh: twice the azimuths of 3x16 take three times as long, twice the "
+        f"{told} on this mesh: {where}. The cost grows with revolutions and faster "
+        "than the mesh: twice the azimuths of 3x16 take three times as long, twice the "
         "latitudes as well; dtm takes ten times as long and more."
     )

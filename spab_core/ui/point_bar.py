@@ -1,14 +1,26 @@
-"""The bar of inputs that every page shows where it asks for an operating point."""
+"""The bar of inputs, the same on every page that asks for an operating point."""
 
 from __future__ import annotations
-
-from typing import Literal
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
+from spab_core.design.form import AMBIENT, FIELDS, SUPPLY, to_form
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
-from spab_core.ui.view import chosen_design, design_words, set_speed
+from spab_core.ui.design_form import take_design
+from spab_core.ui.view import (
+    EXAMPLE,
+    NAME_LENGTH,
+    PRESSURES,
+    chosen_design,
+    is_reference,
+    note_typed,
+    set_speed,
+    supply_below,
+    supply_range,
+)
+
+_WIDTH = 150  # of a field, pixels
 
 
 def _speed_typed() -> None:
@@ -17,15 +29,26 @@ def _speed_typed() -> None:
         set_speed(chosen_design(), state["rotor_mass"], state["rpm"])
 
 
-def point_bar(width: int | Literal["stretch"] = 160) -> DeltaGenerator:
-    """Show rotor mass, shaft speed, bearing number and the design's name in a row.
+def _supply_typed() -> None:
+    state, design = st.session_state, chosen_design()
+    if state["supply"] is None:
+        return
+    ratio = (state["supply"] + supply_below(design)) / to_form(design)[AMBIENT]
+    field = FIELDS[SUPPLY]
+    take_design(design.replace(**{SUPPLY: min(max(ratio, field.low), field.high)}))
+    note_typed([SUPPLY])
+
+
+def _show(key: str, value: float) -> None:
+    """Have a field show a value; one that does is let alone, as the user may be typing there."""
+    if st.session_state.get(key) != value:
+        st.session_state[key] = value
+
+
+def point_bar() -> DeltaGenerator:
+    """Show rotor mass, shaft speed, bearing number, supply pressure and the design's name in a row.
 
     The values are those of the view (:func:`spab_core.ui.view.chosen_point`).
-
-    Parameters
-    ----------
-    width : int or "stretch"
-        Of each field, in pixels.
 
     Returns
     -------
@@ -35,10 +58,11 @@ def point_bar(width: int | Literal["stretch"] = 160) -> DeltaGenerator:
     state, design = st.session_state, chosen_design()
     slowest, fastest = (design.speed_rpm(limit) for limit in BEARING_NUMBER_RANGE)
     speed = float(f"{design.speed_rpm(state['bearing_number']):.6g}")
-    state["rpm"] = min(max(speed, slowest), fastest)
-    name = design_words()
-    st.markdown(f":small[{name[0].upper()}{name[1:]}]")
-    row = st.container(horizontal=True, vertical_alignment="bottom")
+    _show("rpm", min(max(speed, slowest), fastest))
+    low, high = supply_range(design)
+    shown = float(f"{to_form(design)[SUPPLY] - supply_below(design):.6g}")
+    _show("supply", min(max(shown, low), high))
+    row = st.container(horizontal=True, vertical_alignment="bottom", key="point_bar")
     row.number_input(
         "Rotor mass, kg",
         *ROTOR_MASS_RANGE,
@@ -46,7 +70,7 @@ def point_bar(width: int | Literal["stretch"] = 160) -> DeltaGenerator:
         key="rotor_mass",
         step=0.1,
         format="%.3f",
-        width=width,
+        width=_WIDTH,
         help="Whole rotor mass that one bearing carries",
     )
     row.number_input(
@@ -57,7 +81,7 @@ def point_bar(width: int | Literal["stretch"] = 160) -> DeltaGenerator:
         key="rpm",
         step=100.0,
         format="%.0f",
-        width=width,
+        width=_WIDTH,
         on_change=_speed_typed,
         help="The same as Λ, of the chosen design",
     )
@@ -68,7 +92,40 @@ def point_bar(width: int | Literal["stretch"] = 160) -> DeltaGenerator:
         key="bearing_number",
         step=0.05,
         format="%.3f",
-        width=width,
+        width=_WIDTH,
         help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless",
+    )
+    gauge = state["supply_as"] == PRESSURES[0]
+    row.number_input(
+        f"Supply, bar {state['supply_as']}",
+        low,
+        high,
+        None,
+        key="supply",
+        step=0.1,
+        format="%.3f",
+        width=_WIDTH,
+        on_change=_supply_typed,
+        help="Of the chamber behind the porous wall; "
+        + (
+            "0 is open to ambient. Gauge: over the ambient pressure"
+            if gauge
+            else "the ambient pressure is open to ambient. Absolute: over vacuum"
+        )
+        + f", {to_form(design)[AMBIENT]:.6g} bar",
+    )
+    row.segmented_control(
+        "Supply given as",
+        PRESSURES,
+        key="supply_as",
+        required=True,
+        help="Gauge: over the ambient pressure. Absolute: over vacuum",
+    )
+    row.text_input(
+        "Name of the design",
+        key="name",
+        max_chars=NAME_LENGTH,
+        width=210,
+        placeholder=EXAMPLE if is_reference() else "own design",
     )
     return row

@@ -24,29 +24,33 @@ from spab_core.plotting.surrogates import ERROR_AXES, refinement_figure, surroga
 from spab_core.shipped.manifest import (
     ARTIFACTS,
     BLOCK_SCORES,
+    FLOORED_PREDICTIONS,
+    FLOORED_SCORES,
     PREDICTIONS,
     REFERENCE_MAP,
     REFINED,
     SCORES,
     ArtifactError,
-    checked_path,
     load_reference_map,
     load_reference_refinement,
     load_reference_scores,
 )
 from spab_core.shipped.model_store import PointPrediction, predict_point
 from spab_core.shipped.predicted_maps import ServedMap, find_map
-from spab_core.surrogates.models import linear_table_of, model
+from spab_core.surrogates.assessment_trees import assessment_scores, predict_assessments
+from spab_core.surrogates.models import FLOOR, floored, linear_table_of, model
 from spab_core.surrogates.ranking import ranking
 from spab_core.surrogates.uncertainty import MapIntervals, load_intervals
 from spab_core.trajectory import compiling
 from spab_core.trajectory.assessment import GRADE_WORDS, GRADES
 from spab_core.ui.drawn import drawn
 from spab_core.ui.memory import bound_memory, spare_lasting_objects
+from spab_core.ui.navigation import sidebar
 from spab_core.ui.plain_picture import want_plotly
+from spab_core.ui.running import running_jobs
 from spab_core.ui.view import open_view
 
-HOME = "stability map"  # title of the only page with plain pictures
+HOME = "start"  # title of the only page with plain pictures
 
 
 def page_head(title: str) -> None:
@@ -61,21 +65,34 @@ def page_head(title: str) -> None:
     st.html(
         "<style>.block-container{padding:2.2rem 2rem 1rem} "
         "@media(max-width:640px){.block-container{padding:4rem 1rem 1rem}} "
-        "section[data-testid=stSidebar]{width:12.5rem !important;"
-        "min-width:12.5rem} [data-testid=stMetricValue]{font-size:1.5rem} "
+        "section[data-testid=stSidebar]{width:14.5rem !important;"
+        "min-width:14.5rem} [data-testid=stMetricValue]{font-size:1.5rem} "
+        # headings by their rank, in the sizes of a page of instruments
+        "[data-testid=stHeading] h1,.stMarkdown h1{font-size:1.5rem;padding:0 0 .25rem} "
+        ".stMarkdown h2{font-size:1.15rem;padding:.5rem 0 .25rem} "
+        ".stMarkdown h3{font-size:1rem;padding:.4rem 0 .2rem} "
+        "section[data-testid=stSidebar] [data-testid=stSidebarContent]{padding:0 .6rem} "
+        "section[data-testid=stSidebar] [data-testid=stSidebarUserContent]{padding:0 0 1rem} "
+        "section[data-testid=stSidebar] [data-testid=stSidebarHeader]{height:2.2rem;margin:0} "
+        "[class*=st-key-nav_] h2{font-size:.8rem;padding:.2rem .3rem .1rem} "
+        "[class*=st-key-nav_] [data-testid=stMarkdownContainer]{margin-bottom:0} "
+        "[class*=st-key-nav_] a{padding:.1rem .3rem} "
+        ":is(a,button,input,[role=radio],[role=tab],[role=switch]):focus-visible"
+        "{outline:2px solid currentColor;outline-offset:2px} "
         "[data-testid=stMetricLabel] p{font-size:.74rem} "
+        # faded text, at a contrast that can be read
+        "[data-testid=stCaptionContainer]{opacity:.82} "
+        # a large screen is used by larger letters and fields
+        "@media(min-width:1800px) and (min-height:1000px){html{font-size:18px !important}} "
         # figures that need a width scroll in their own box on a narrow screen
         "@media(max-width:640px){[class*=st-key-wide_]{overflow-x:auto} "
         "[class*=st-key-wide_]>*{min-width:48rem}} "
         # number fields come without their labels until their script is there
-        ".st-key-rotor_mass,.st-key-bearing_number,.st-key-rpm{min-height:4.25rem} "
-        # Streamlit names the home page by its file, app.py
-        "[data-testid=stSidebarNavItems] span[label=app] p{font-size:0} "
-        "[data-testid=stSidebarNavItems] span[label=app] p::after{content:'Stability "
-        "map';font-size:.875rem}</style>"
+        ".st-key-rotor_mass,.st-key-bearing_number,.st-key-rpm{min-height:4.25rem}</style>"
     )
     if title != HOME:
         want_plotly()
+    sidebar(running_jobs)
     for complaint in open_view():
         st.error(complaint)
 
@@ -105,12 +122,23 @@ def _stamp(name: str = REFERENCE_MAP) -> float:
         return 0.0  # the loader says what is missing
 
 
-def reference_map() -> StabilityMap:
-    """The shipped map, read and checked once for each version of the file.
+@st.cache_resource(max_entries=4, show_spinner=False)
+def _floored_map(stamp: float, floor: float) -> StabilityMap:
+    return floored(_map(stamp), floor)
+
+
+def reference_map(floor: float | None = None) -> StabilityMap:
+    """The shipped map, read and checked once for each version of the file; with a floor its
+    exponents end there (``models.floored``).
 
     Raises ``InputError``.
     """
-    return _map(_stamp())
+    return _map(_stamp()) if floor is None else _floored_map(_stamp(), floor)
+
+
+def _stamps() -> tuple[float, ...]:
+    """Of all that figures of predicted maps depend on."""
+    return tuple(map(_stamp, (REFERENCE_MAP, PREDICTIONS, FLOORED_PREDICTIONS)))
 
 
 def _map_drawing(
@@ -119,21 +147,21 @@ def _map_drawing(
     """All that the map's figure depends on, and what draws it."""
     m, own = reference_map(), (name, divisor, seed) if layer == SURROGATE else ()
     predicted = predicted_map(*own) if own else None
-    return ("map", _stamp(), _stamp(PREDICTIONS), layer, *own), lambda: map_figure(
+    return ("map", *_stamps(), layer, *own), lambda: map_figure(
         m, layer, predicted, linear_table_of(m)
     )
 
 
 def marked_map_figure(
-    point: tuple[float, float], layer: str, name: str, divisor: int, seed: int
+    point: tuple[float, float] | None, layer: str, name: str, divisor: int, seed: int
 ) -> go.Figure:
-    """The map's figure with a cross at (bearing number, rotor mass); ``name``, ``divisor``,
-    ``seed``: of the surrogate's layer.
+    """The map's figure with a cross at (bearing number, rotor mass), if any; ``name``,
+    ``divisor``, ``seed``: of the surrogate's layer.
 
     Raises ``InputError``.
     """
     key, draw = _map_drawing(layer, name, divisor, seed)
-    return drawn(key, draw, mark_trace(*point))
+    return drawn(key, draw, *([mark_trace(*point)] if point else []))
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)
@@ -147,16 +175,20 @@ def map_picture(layer: str, name: str, divisor: int, seed: int) -> PlainPicture:
 
 
 def marked_surrogate_figure(
-    point: tuple[float, float], name: str, divisor: int, seed: int
+    point: tuple[float, float] | None,
+    name: str,
+    divisor: int,
+    seed: int,
+    floor: float | None = None,
 ) -> go.Figure:
     """Solved map, predicted map and its error, a cross at (bearing number, rotor mass) on the
-    error. Raises ``InputError``.
+    error, if any. Raises ``InputError``.
     """
-    m, predicted = reference_map(), predicted_map(name, divisor, seed)
+    m, predicted = reference_map(floor), predicted_map(name, divisor, seed, floor)
     return drawn(
-        ("surrogate", _stamp(), _stamp(PREDICTIONS), name, divisor, seed),
+        ("surrogate", *_stamps(), name, divisor, seed, floor),
         lambda: surrogate_figure(m, predicted),
-        mark_trace(*point, **ERROR_AXES),
+        *([mark_trace(*point, **ERROR_AXES)] if point else []),
     )
 
 
@@ -233,14 +265,6 @@ def digits(value: float) -> str:
     return f"{value:,.0f}" if abs(value) >= 1000.0 else f"{value:.4g}"
 
 
-def page_link(name: str, label: str) -> None:
-    """A link to the page ``pages/<number>_<name>.py``; nothing where there is no such page."""
-    context = get_script_run_ctx()
-    folder = Path(context.main_script_path).parent if context else Path()
-    for path in sorted(folder.glob(f"pages/*_{name}.py")):
-        st.page_link(f"pages/{path.name}", label=label, icon=":material/arrow_forward:")
-
-
 @st.cache_resource(show_spinner=False)
 def _predicted() -> dict[tuple[Hashable, ...], ServedMap]:
     # filled by hand: a cached function may not draw on the page, and training tells its progress
@@ -248,16 +272,17 @@ def _predicted() -> dict[tuple[Hashable, ...], ServedMap]:
     return {}
 
 
-def predicted_map(name: str, divisor: int, seed: int) -> ServedMap:
-    """The reference map predicted from 1/divisor of its cells: shipped, or out of the last forty,
-    or trained now with progress.
+def predicted_map(name: str, divisor: int, seed: int, floor: float | None = None) -> ServedMap:
+    """The reference map, with a floor if one is given, predicted from 1/divisor of its cells:
+    shipped, or out of the last forty, or trained now with progress.
 
     Raises ``InputError``.
     """
-    known, key = _predicted(), (_stamp(), _stamp(PREDICTIONS), name, divisor, seed)
+    known, key = _predicted(), (*_stamps(), name, divisor, seed, floor)
     found = known.get(key)
     if found is None:
-        m, kind, context, place = reference_map(), model(name), get_script_run_ctx(), st.empty()
+        m, kind = reference_map(floor), model(name)
+        context, place = get_script_run_ctx(), st.empty()
 
         def show(done: int, total: int) -> None:
             add_script_run_ctx(
@@ -301,6 +326,21 @@ def _intervals(path: Path, finished: float | None, stamp: float) -> MapIntervals
     return load_intervals(path, _map(stamp))
 
 
+@st.cache_resource(max_entries=8, show_spinner="Training the classifier of the assessment …")
+def _assessments(stamp: float, divisor: int, seed: int) -> dict[str, float]:
+    m = _map(stamp)
+    return assessment_scores(m, predict_assessments(m, divisor, seed))
+
+
+def scores_of_assessment(divisor: int, seed: int) -> dict[str, float]:
+    """How well the assessment is predicted from 1/divisor of the reference map's cells
+    (:func:`~spab_core.surrogates.assessment_trees.assessment_scores`), trained here once.
+
+    Raises ``InputError``.
+    """
+    return _assessments(_stamp(), divisor, seed)
+
+
 def intervals_of_job(job: Job) -> MapIntervals:
     """What a finished job of the kind "intervals" has found for the shipped map.
 
@@ -309,38 +349,40 @@ def intervals_of_job(job: Job) -> MapIntervals:
     return _intervals(job.result, job.finished, _stamp())
 
 
-@st.cache_resource(max_entries=1, show_spinner=False)
-def _scores(stamp: float) -> pd.DataFrame:
-    return load_reference_scores(ARTIFACTS)
+_SCORES = {None: SCORES, FLOOR: FLOORED_SCORES}
 
 
-@st.cache_resource(max_entries=2, show_spinner=False)
-def _ranking(stamp: float, kind: str) -> pd.DataFrame:
-    return ranking(_scores(stamp), kind)
+@st.cache_resource(max_entries=4, show_spinner=False)
+def _scores(stamp: float, name: str) -> pd.DataFrame:
+    return load_reference_scores(ARTIFACTS, name)
 
 
-def reference_scores() -> pd.DataFrame:
+@st.cache_resource(max_entries=4, show_spinner=False)
+def _ranking(stamp: float, name: str, kind: str) -> pd.DataFrame:
+    return ranking(_scores(stamp, name), kind)
+
+
+def reference_scores(floor: float | None = None) -> pd.DataFrame:
     """The shipped scores of all surrogates, read and checked once for each version of the file.
 
-    Raises ``InputError``.
+    ``floor``: None or ``models.FLOOR``. Raises ``InputError``.
     """
-    return _scores(_stamp(SCORES))
+    name = _SCORES[floor]
+    return _scores(_stamp(name), name)
 
 
-def reference_ranking(kind: str) -> pd.DataFrame:
+def reference_ranking(kind: str, floor: float | None = None) -> pd.DataFrame:
     """Models by the shipped scores, the best first; ``kind`` of cells as for
     ``ranking.ranking``. Raises ``InputError``.
     """
-    return _ranking(_stamp(SCORES), kind)
+    name = _SCORES[floor]
+    return _ranking(_stamp(name), name, kind)
 
 
 def block_scores() -> pd.DataFrame | None:
-    """The shipped scores on withheld rectangles (``spab evaluate --split blocks``); None where none
-    are shipped.
+    """The shipped scores on withheld rectangles (``spab evaluate --split blocks``), exponents as
+    solved; None where none are shipped. Raises ``InputError``.
     """
     if not (ARTIFACTS / BLOCK_SCORES).exists():
         return None
-    try:
-        return pd.read_csv(checked_path(BLOCK_SCORES, ARTIFACTS))
-    except ValueError as error:
-        raise ArtifactError(f"cannot read {BLOCK_SCORES}: {error}") from None
+    return _scores(_stamp(BLOCK_SCORES), BLOCK_SCORES)

@@ -23,7 +23,7 @@ _EVERY = 1.0  # seconds between two looks at the compiler
 def _solve(
     design: Design, rotor_mass: float, bearing_number: float, settings: Settings
 ) -> OperatingPoint:
-    compiled = is_compiled(settings)
+    compiled = is_compiled(settings, design)
     point = solve_point(design, rotor_mass, bearing_number, settings, path_revolutions=LIVE_PATHS)
     if not compiled:  # the seconds told are the compiler's
         point = solve_point(
@@ -53,7 +53,7 @@ def live_point(
     if waits_for_compiler(design, rotor_mass, bearing_number, words=words):
         return None
     text = "Solving this operating point …"
-    if not is_compiled(settings):
+    if not is_compiled(settings, design):
         why = f" here, as {compiling.failure()}" if compiling.failure() else ""
         text = f"First run on this machine: compiling the solver{why}. This takes about 20 s, once."
     with st.spinner(text):

@@ -4,19 +4,34 @@ numbers.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 import streamlit as st
 
-from spab_core.trajectory.assessment import Assessment
+from spab_core.design.form import FIELDS, SUPPLY, grade_of_eccentricity, to_form, unused
+from spab_core.plotting.theme import GRADE_MARKS
+from spab_core.trajectory.assessment import GRADE_WORDS, Assessment
 from spab_core.trajectory.point import OperatingPoint
+from spab_core.ui.navigation import page_link
+from spab_core.ui.view import assumed_values, chosen_design, chosen_point, with_unit
 
 _BOXES: dict[str, tuple[Callable[..., Any], str]] = {  # by grade
     "good": (st.success, ":material/check_circle:"),
     "watch": (st.warning, ":material/visibility:"),
     "avoid": (st.error, ":material/dangerous:"),
 }
+_TELLING = (  # values of a design, the first to be named among those assumed
+    "rotor__unbalance_eccentricity",
+    "rotor__shaft_stiffness",
+    "bearing__wall_thickness",
+    "bearing__permeability",
+    SUPPLY,
+    "bearing__clearance",
+    "bearing__radius",
+)
+_NAMED = 4  # of them
 _SHOWN = 3  # reasons; the others are behind the question mark
 
 
@@ -26,14 +41,9 @@ def grade_box(words: str, grade: str) -> None:
     box(words, icon=icon)
 
 
-def stability_box(words: str, stable: bool) -> None:
-    """Show words on a border of regimes; that the motion repeats is no praise, so never in the
-    colour of good.
-    """
-    if stable:
-        st.info(words, icon=":material/info:")
-    else:
-        grade_box(words, "avoid")
+def grade_label(grade: str) -> str:
+    """A grade in words behind its mark, for a table."""
+    return f"{GRADE_MARKS[grade]} {GRADE_WORDS[grade]}"
 
 
 def assessment_box(found: Assessment) -> None:
@@ -48,10 +58,46 @@ def assessment_box(found: Assessment) -> None:
 
 
 def point_verdict(point: OperatingPoint) -> None:
-    """Show what a solved point does and what that is worth."""
+    """Show what a solved point does and what that is worth, and what was assumed for it."""
     assessment_box(point.assessment())
     if words := point.push_words():
         st.caption(words)
+    if point.design == chosen_design():
+        assumed_line()
+
+
+def assumed_words() -> list[str]:
+    """What was assumed of the chosen design and not typed, such as "unbalance eccentricity 13 µm
+    (G 27)"; the most telling first.
+    """
+    design = chosen_design()
+    names = set(assumed_values()) - unused(design)
+    values, told = to_form(design), []
+    for name in sorted(names, key=lambda n: (*_TELLING, *FIELDS).index(n)):
+        field = FIELDS[name]
+        words = f"{field.label[0].lower()}{field.label[1:]} {with_unit(field, values[name])}"
+        if name == _TELLING[0]:
+            rpm = design.speed_rpm(chosen_point()[1])
+            share = design.rotor.journal_mass_fraction
+            grade = grade_of_eccentricity(design.rotor.unbalance_eccentricity, rpm, share)
+            words += f" (G {grade:.2g})"
+        told.append(words)
+    return told
+
+
+def assumed_line() -> None:
+    """Say what was assumed and not typed, with a link to change it."""
+    told = assumed_words()
+    if not told:
+        return
+    more = f" and {len(told) - _NAMED} more" if len(told) > _NAMED else ""
+    with st.container(horizontal=True, vertical_alignment="center", gap="small", key="assumed"):
+        st.caption(
+            f"Assumed, not typed: {', '.join(told[:_NAMED])}{more}.",
+            help="\n".join(f"- {words}" for words in told),
+            width="stretch",
+        )
+        page_link("My_bearing", "Change what is assumed")
 
 
 def point_numbers(point: OperatingPoint) -> list[tuple[str, str, str]]:
@@ -61,19 +107,19 @@ def point_numbers(point: OperatingPoint) -> list[tuple[str, str, str]]:
     spread = point.mle.standard_error
     return [
         (
-            "MLE per revolution",
+            "Exponent (MLE) per revolution",
             f"{point.mle.value:+.3f} ± {f'{spread:.3f}' if spread >= 0.0005 else '<0.001'}",
             "Maximum Lyapunov exponent, natural logarithm, ± its standard error by batch means (on "
             "a settled periodic orbit, the error of its leading multiplier's rate): below "
             "zero periodic, zero quasi-periodic, above zero chaotic",
         ),
         (
-            "Max. eccentricity",
+            "Largest eccentricity",
             f"{point.max_eccentricity:.3f}",
             "Largest eccentricity of the journal, over the clearance C",
         ),
         (
-            "Time in contact",
+            "Contact share",
             f"{100 * point.contact_share:.1f} %",
             "Share of the time in which the asperities of the wall carry more than a tenth of the "
             "load, weight and unbalance together",
@@ -84,3 +130,24 @@ def point_numbers(point: OperatingPoint) -> list[tuple[str, str, str]]:
             "Clearance less the largest eccentricity",
         ),
     ]
+
+
+def point_rows(point: OperatingPoint) -> dict[str, str]:
+    """Return a point's numbers with their units, by name, to stand beside another's."""
+    found, rest = point.assessment(), point.rest
+    rows = {"assessment": grade_label(found.grade), "why": "; ".join(found.reasons[:1])}
+    rows |= {label: value for label, value, _ in point_numbers(point)}
+    if not math.isnan(point.peak_contact_force):
+        rows["Largest asperity force, N"] = f"{point.peak_contact_force:,.3g}"
+    if rest is None or rest.status != "ok" or rest.gas_flow is None:
+        return rows
+    rows |= {
+        "Eccentricity at rest": f"{rest.eccentricity:.3f}",
+        "Weight on the wall at rest, %": f"{100.0 * (rest.contact_load_share or 0.0):.2g}",
+        "Gas flow, normal litres a minute": f"{rest.gas_flow.normal_litres:.3g}",
+        "Balance quality G, mm/s": f"{rest.balance_grade:.3g}",
+    }
+    if rest.whirl:
+        grows = "decays" if rest.whirl.stable else "grows"
+        rows["Least stable whirl, a minute"] = f"{rest.whirl.speed_rpm:,.0f} ({grows})"
+    return rows

@@ -7,7 +7,6 @@ keeps the values across pages, writes the address anew."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -20,26 +19,47 @@ from spab_core.active_learning.quick_map import SECONDS
 from spab_core.common.errors import InputError
 from spab_core.common.units import from_rpm
 from spab_core.common.validation import check_choice, check_number
-from spab_core.design.form import FIELDS, nearest_bearing_number, to_form
+from spab_core.design.form import (
+    AMBIENT,
+    FIELDS,
+    SUPPLY,
+    FormField,
+    nearest_bearing_number,
+    to_form,
+)
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
-from spab_core.design.model import Design, reference_design
+from spab_core.design.model import Design, Value, reference_design
 from spab_core.design.presets import PRESETS
+from spab_core.design.tolerances import (
+    Tolerances,
+    list_text,
+    parse_list,
+    parse_ranges,
+    ranges_text,
+)
+from spab_core.drawings.improve import WISHES
+from spab_core.drawings.tolerance import MACHINES, WANTED
 from spab_core.maps.bifurcation import SWEEPS, VARY
 from spab_core.maps.sensitivity import AXES, SCAN, STEP, STEPS
 from spab_core.maps.stability_map import axis
 from spab_core.plotting.lines import COORDINATES
-from spab_core.plotting.map import LAYERS
+from spab_core.plotting.map import LAYERS, SURROGATE
 from spab_core.plotting.point import QUANTITIES
 from spab_core.plotting.surrogates import REFINE_LAYERS
 from spab_core.shipped.model_store import DEFAULT
+from spab_core.shipped.predicted_maps import FIGURE_DIVISORS
 from spab_core.solver.film import AUTO, parse_mesh
 from spab_core.solver.stepping import METHODS
-from spab_core.surrogates.models import DIVISORS, MODELS
+from spab_core.surrogates.models import DIVISORS, FLOOR, MODELS
+from spab_core.trajectory.assessment import GRADES
 
 T = TypeVar("T")
 
+EXAMPLE = "example bearing SPAB-60"  # the reference design
 LINES = ("paper", *VARY)  # of the page of lines: the paper's two, or one through the chosen point
+NAME_LENGTH = 60  # characters
 _LONGEST = 100  # characters of a value in the address that are looked at
+_LONGEST_LIST = 1000  # of tolerances or ranges
 
 
 @dataclass(frozen=True)
@@ -51,6 +71,7 @@ class Field:
     default: Any
     read: Callable[[str], Any]  # raises InputError
     write: Callable[[Any], str] = str
+    longest: int = _LONGEST
 
 
 def _one_of(name: str, allowed: Iterable[object]) -> Callable[[str], Any]:
@@ -84,6 +105,22 @@ def _some_of(name: str, allowed: Iterable[object]) -> Callable[[str], Any]:
     return lambda text: [one(word) for word in text.split(",")]
 
 
+def _named(name: str, read: Callable[[str], str]) -> Callable[[str], str]:
+    """Have an error of ``read`` name the value of the view."""
+
+    def named(text: str) -> str:
+        try:
+            return read(text)
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from None
+
+    return named
+
+
+def _words(text: str) -> str:
+    return " ".join(text.split())[:NAME_LENGTH]
+
+
 def _mesh(text: str) -> str:
     return str(parse_mesh(text))
 
@@ -98,12 +135,20 @@ def _axis(name: str) -> Callable[[str], str]:
 
 
 POINT_TABS = ("Overview", "Orbits", "Spectrum", "Signals", "Film 3-D", "Forces", "Exponent")
+PRESSURES = ("gauge", "absolute")  # that the supply is given as
 SAME = ("bearing number", "speed")  # that two designs are compared at
 OWN_MINUTES, SCANS, SPEEDS = (0.5, 600.0), (4, 100), (10, 1000)
-OWN_LAYERS = ("Regime", "MLE", "Probability unstable")
+PROBABILITY = "Probability"  # of the assessment that is told, where it is predicted
+OWN_LAYERS = (*(layer for layer in LAYERS if layer != SURROGATE), PROBABILITY)
 WHAT_TABS = ("Change the drawing", "Run-up", "Two designs")
+DRAW_TABS = ("Tolerances", "A better drawing")
+DRAWN = (64, 128, 256, 512, 1024, 2048, 4096)  # machines within tolerances
+WISH_PAIRS = tuple(f"{a}, {b}" for a in WISHES for b in WISHES if a != b)
 METRICS, CELLS = ("rmse", "mae"), ("held_out", "all")
 JUDGED = ("unsolved", "withheld")
+TARGETS = {"full": None, "floored": FLOOR}  # floors of the exponents that surrogates learn
+PAPER_PARTS = ("claims", "lines", "map", "predictions", "tables")
+PAPER_MODELS = tuple(name for name, kind in MODELS.items() if kind.group == "paper")
 AGAINST = ("whirl frequency", "shaft speed")
 
 VIEW: dict[str, Field] = {
@@ -111,6 +156,10 @@ VIEW: dict[str, Field] = {
         3.45, _number("bearing_number", *BEARING_NUMBER_RANGE), "{:.6g}".format
     ),
     "rotor_mass": Field(4.52, _number("rotor_mass", *ROTOR_MASS_RANGE, "kg"), "{:.6g}".format),
+    "name": Field("", _words),  # of the design
+    "project": Field("", _words),  # of the report
+    "author": Field("", _words),
+    "supply_as": Field(PRESSURES[0], _one_of("supply_as", PRESSURES)),
     "layer": Field(LAYERS[0], _one_of("layer", LAYERS)),
     "model": Field(DEFAULT[0], _one_of("model", MODELS)),
     "divisor": Field(DEFAULT[1], _one_of("divisor", DIVISORS)),
@@ -138,6 +187,12 @@ VIEW: dict[str, Field] = {
     "metric": Field(METRICS[0], _one_of("metric", METRICS)),
     "cells": Field(CELLS[0], _one_of("cells", CELLS)),
     "refine_layer": Field(REFINE_LAYERS[0], _one_of("refine_layer", REFINE_LAYERS)),
+    "target": Field("full", _one_of("target", TARGETS)),
+    "ranked": Field("floored", _one_of("ranked", TARGETS)),
+    "paper": Field(PAPER_PARTS[0], _one_of("paper", PAPER_PARTS)),
+    "paper_line": Field(VARY[0], _one_of("paper_line", VARY)),
+    "paper_model": Field("forest", _one_of("paper_model", PAPER_MODELS)),
+    "paper_divisor": Field(8, _one_of("paper_divisor", FIGURE_DIVISORS)),
     "judged": Field(JUDGED[0], _one_of("judged", JUDGED)),
     "against": Field(AGAINST[0], _one_of("against", AGAINST)),
     # "" and 0: the usual ones of the design (show_usual)
@@ -156,11 +211,28 @@ VIEW: dict[str, Field] = {
     "run_from": Field(0.0, _number("run_from", 0.0, 1e9, "rpm"), "{:.6g}".format),
     "run_to": Field(0.0, _number("run_to", 0.0, 1e9, "rpm"), "{:.6g}".format),
     "run_count": Field(100, _number("run_count", *SPEEDS, whole=True)),
+    "draw_tab": Field(DRAW_TABS[0], _one_of("draw_tab", DRAW_TABS)),
+    "tolerances": Field(
+        "", _named("tolerances", lambda text: list_text(parse_list(text))), longest=_LONGEST_LIST
+    ),
+    "draw_axis": Field(AXES[0], _one_of("draw_axis", AXES)),
+    "machines": Field(MACHINES, _one_of("machines", DRAWN)),
+    "wanted": Field(100 * WANTED, _number("wanted", 1.0, 99.9, "%"), "{:.6g}".format),
+    "ranges": Field(
+        "", _named("ranges", lambda text: ranges_text(parse_ranges(text))), longest=_LONGEST_LIST
+    ),
+    "wish": Field(WISH_PAIRS[0], _one_of("wish", WISH_PAIRS)),
+    "worst_grade": Field(GRADES[0], _one_of("worst_grade", GRADES[:2])),
+    "most_flow": Field(0.0, _number("most_flow", 0.0, 1e6, "Nl/min"), "{:.6g}".format),
+    "least_stiffness": Field(0.0, _number("least_stiffness", 0.0, 1e6, "N/µm"), "{:.6g}".format),
+    "load": Field(1.0, _number("load", 1.0, 100.0), "{:.6g}".format),
+    "within": Field(False, _one_of("within", (True, False))),
     "two_preset": Field(list(PRESETS)[1], _one_of("two_preset", PRESETS)),
 }
 _DESIGN = (
     "_design"  # values of the design that differ from the reference, {"bearing.clearance": 3e-5}
 )
+_TYPED = "_typed"  # values of the design that the user gave, by their names in the form
 _KEPT = "_view"  # all values as they were when the last run of a page began
 _WRITTEN = "_written"  # the address of the last run
 _TOLD = "_told"  # a sentence for the next page
@@ -191,7 +263,10 @@ def open_view() -> list[str]:
     wanted = {
         key: entry.write(state[key]) for key, entry in VIEW.items() if state[key] != entry.default
     }
-    wanted |= {key: repr(value) for key, value in state[_DESIGN].items()}
+    wanted |= {
+        key: value if isinstance(value, str) else repr(value)
+        for key, value in state[_DESIGN].items()
+    }
     # the browser may come with an address that it had before the last one reached it
     if st.query_params.to_dict() != wanted or state.get(_WRITTEN, wanted) != wanted:
         st.query_params.from_dict(wanted)
@@ -201,14 +276,14 @@ def open_view() -> list[str]:
 
 def _read_address() -> list[str]:
     state, complaints = st.session_state, []
-    changes: dict[str, float] = {}
+    changes: dict[str, Any] = {}
     for key, raw in st.query_params.to_dict().items():
-        text = raw[:_LONGEST]
+        text = raw[: VIEW[key].longest if key in VIEW else _LONGEST]
         try:
             if key in VIEW:
                 state.setdefault(key, VIEW[key].read(text))
             elif key.replace(".", "__") in FIELDS:
-                changes[key] = _float(key, text)
+                changes[key] = _design_value(key, text)
             else:
                 complaints.append(
                     f"The address has an unknown value {key[:_LONGEST]!r}; it is left out."
@@ -223,14 +298,19 @@ def _read_address() -> list[str]:
     return complaints
 
 
-def _float(name: str, text: str) -> float:
+def _design_value(name: str, text: str) -> Value:
+    """Read the value of a design with that dotted name: a float, or one of its choices."""
+    choices = {str(choice): choice for choice in FIELDS[name.replace(".", "__")].choices}
+    if choices:
+        check_choice(name, text, choices)
+        return choices[text]
     try:
         return float(text)
     except ValueError:
         raise InputError(f"{name} = {text!r} is not a number") from None
 
 
-def _changed(changes: dict[str, float]) -> Design:
+def _changed(changes: dict[str, Any]) -> Design:
     """The reference design with values by their dotted names changed."""
     return reference_design().replace(
         **{key.replace(".", "__"): value for key, value in changes.items()}
@@ -252,10 +332,46 @@ def set_design(design: Design) -> None:
     usual = reference_design().to_dict()
     st.session_state[_DESIGN] = {
         f"{part}.{key}": value
-        for part, values in dataclasses.asdict(design).items()
+        for part, values in design.to_dict().items()
         for key, value in values.items()
-        if value != usual[part][key]
+        if value != usual[part].get(key)
     }
+
+
+def set_example() -> None:
+    """Make the example bearing at its usual point what the user works on."""
+    set_design(reference_design())
+    st.session_state["name"] = ""
+    set_point(VIEW["rotor_mass"].default, VIEW["bearing_number"].default)
+
+
+def note_typed(names: Iterable[str]) -> None:
+    """Keep that the user gave these values of the design, by their names in the form."""
+    st.session_state[_TYPED] = st.session_state.get(_TYPED, frozenset()) | set(names)
+
+
+def assumed_values() -> list[str]:
+    """Values of the design that are the reference's because nobody gave others, by their names in
+    the form; none of the reference itself.
+    """
+    state = st.session_state
+    changes = {key.replace(".", "__") for key in state.get(_DESIGN, {})}
+    if not changes:
+        return []
+    return [name for name in FIELDS if name not in changes | state.get(_TYPED, frozenset())]
+
+
+def supply_below(design: Design) -> float:
+    """Return what is added to the supply pressure as it is given to have the absolute one, bar."""
+    gauge = st.session_state["supply_as"] == PRESSURES[0]
+    return to_form(design)[AMBIENT] if gauge else 0.0
+
+
+def supply_range(design: Design) -> tuple[float, float]:
+    """Return the allowed supply pressures as they are given, bar."""
+    field, ambient = FIELDS[SUPPLY], to_form(design)[AMBIENT]
+    below = supply_below(design)
+    return field.low * ambient - below, field.high * ambient - below
 
 
 def set_point(rotor_mass: float, bearing_number: float) -> None:
@@ -342,20 +458,34 @@ def choice(
 
 
 def design_words() -> str:
-    """The chosen design in a few words: the reference, or what differs from it."""
+    """The chosen design in a few words: its name, the reference, or what differs from it."""
     changes = st.session_state.get(_DESIGN, {})
+    if name := st.session_state.get("name"):
+        return str(name)
     if not changes:
-        return "reference bearing SPAB-60"
+        return EXAMPLE
     values = to_form(chosen_design())
     taken = [
         (FIELDS[key.replace(".", "__")], values[key.replace(".", "__")])
         for key in list(changes)[:3]
     ]
-    shown = ", ".join(
-        f"{f.label.lower()} {'rigid' if math.isinf(v) else f'{v:.4g} {f.unit}'.strip()}"
-        for f, v in taken
-    )
+    shown = ", ".join(f"{f.label.lower()} {with_unit(f, v)}" for f, v in taken)
     return f"own design ({shown}{', …' if len(changes) > 3 else ''})"
+
+
+def with_unit(field: FormField, value: Any) -> str:
+    """A value of a design in form units, as it is told."""
+    if field.choices:
+        return str(value)
+    return "rigid" if math.isinf(value) else f"{value:.4g} {field.unit}".strip()
+
+
+def show_tolerances(tolerances: Tolerances) -> None:
+    """Put tolerances into the view, in a widget's callback; their widgets are filled anew."""
+    state = st.session_state
+    state["tolerances"] = list_text(tolerances)
+    for key in [key for key in state if str(key).startswith(("tolerance_", "tolerances_of"))]:
+        del state[key]
 
 
 def point_options() -> str:

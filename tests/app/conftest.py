@@ -35,6 +35,24 @@ def until_done(at, seconds=150):
     return at.run()
 
 
+def until_margin(at, seconds=120):
+    """The page run again once the margin that is at work there is solved."""
+    end = time.monotonic() + seconds
+    while not any("Each limit lies between" in x.value for x in at.markdown) or any(
+        "Solving the margin" in (bar.proto.text or "") for bar in at.get("progress")
+    ):
+        assert time.monotonic() < end
+        time.sleep(0.5)
+        at = at.run()
+    return at
+
+
+def start(at, key):
+    """Start a job by its panel's button, unless it has begun by itself."""
+    if f"{key}_start" in {button.key for button in at.button}:
+        at.button(key=f"{key}_start").click().run()
+
+
 def complaints(at):
     """Errors that a page tells; a verdict, which has an icon, is none."""
     return [error.value for error in at.error if not error.icon]

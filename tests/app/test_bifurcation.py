@@ -11,15 +11,18 @@ from streamlit.testing.v1 import AppTest
 from spab_core.jobs.store import list_jobs
 from spab_core.maps.bifurcation import SWEEPS, load_bifurcation
 from spab_core.plotting.lines import COORDINATES, SWEEP_COLOURS
+from spab_core.plotting.theme import GRADE_MARKS
+from spab_core.trajectory.assessment import GRADES
 from spab_core.ui import lines
-from tests.app.conftest import complaints, until_done
+from spab_core.ui.verdict import grade_label
+from tests.app.conftest import complaints, start, until_done, verdicts
 from tests.conftest import ROOT
 
 PAGE = str(next((ROOT / "pages").glob("*_Bifurcation.py")))
 TINY = {
     "line": "rotor-mass",
     "mesh": "2x16",
-    "transient": "20",
+    "transient": "30",
     "revolutions": "20",
     "points": "3",
     "mass_from": "4",
@@ -63,13 +66,22 @@ def test_the_papers_lines_open_at_once():
     for figure in (over_mass, over_number):
         assert panels(figure) == ["X₂ / C (journal)", "Y₂ / C (journal)", "MLE<br>per revolution"]
         assert "line" in {shape["type"] for shape in figure["layout"]["shapes"]}
-    chaos = [shape for shape in over_mass["layout"]["shapes"] if shape["type"] == "rect"]
-    assert chaos
+    shaded = {shape["name"] for shape in over_mass["layout"]["shapes"] if shape["type"] == "rect"}
+    assert "avoid" in shaded and shaded <= set(GRADES)
+    notes = " ".join(note["text"] for note in over_mass["layout"]["annotations"])
+    assert f"{GRADE_MARKS['avoid']} not recommended: " in notes  # words beside the colour
     assert over_mass["layout"]["xaxis3"]["title"]["text"] == "Rotor mass on one bearing, kg"
     assert over_number["layout"]["xaxis3"]["title"]["text"] == "Bearing number Λ"
     assert "rpm" in over_number["layout"]["xaxis99"]["title"]["text"]
-    (mass_table,) = (table.value for table in at.dataframe)  # no chaos along the other
-    assert list(mass_table) == ["first", "last"] and mass_table["last"].max() == 25.0
+    for table in (table.value for table in at.dataframe):
+        assert list(table)[:4] == ["assessment", "why", "first", "last"]
+        assert set(table["assessment"]) <= {grade_label(grade) for grade in GRADES}
+        told = table[table["assessment"] != grade_label("good")]
+        assert len(told) and all(told["why"])
+    boxes = verdicts(at)
+    assert len(boxes) == 2 and all("not recommended" in words for words in boxes)
+    assert "chaos" in boxes[0] and "rubbing" in boxes[0] and "chaos" not in boxes[1]
+    assert not at.success and not at.info
     assert any(
         "--vary rotor-mass --at 3.45 --range 0.1:25:500 --sweeps cold" in code.value
         for code in at.code
@@ -100,9 +112,9 @@ def test_who_has_a_point_of_their_own_sees_the_line_through_it():
     assert any(
         shape["type"] == "line" and shape["x0"] == 18.0 for shape in figure["layout"]["shapes"]
     )
-    assert "Λ = 4.5" in words(at) and at.button(key="line_job_start").label.startswith(
-        "Compute 200 points (up to "
-    )
+    assert "Λ = 4.5" in words(at) and at.button(key="line_job_cancel")  # it begins by itself
+    (job,) = list_jobs()
+    assert job.parameters["range"] == "0.1:25.0:200"
     at.button_group(key="line").set_value("paper").run()
     assert len(figures(at)) == 2  # and may still look at the paper's
     at.button_group(key="line").set_value("bearing-number").run()
@@ -112,7 +124,7 @@ def test_who_has_a_point_of_their_own_sees_the_line_through_it():
 def test_a_design_of_their_own_has_no_map_to_look_at():
     at = opened(**{"bearing.clearance": "3e-05"})
     assert not at.exception and not complaints(at)
-    assert not figures(at) and at.button(key="line_job_start")
+    assert not figures(at) and at.button(key="line_job_cancel")
     at.button_group(key="line").set_value("paper").run()
     assert len(figures(at)) == 2  # of the reference bearing: their point is none of it
     shapes = [shape for figure in figures(at) for shape in figure["layout"]["shapes"]]
@@ -140,8 +152,8 @@ def test_every_control_at_its_ends(line, along):
                 at.number_input(key=f"{along}_from").value
                 >= at.number_input(key=f"{along}_to").value
             )
-            assert bool(at.error) == upside_down, (key, end)
-            assert not complaints(at) or "start before stop" in at.error[0].value
+            assert bool(complaints(at)) == upside_down, (key, end)
+            assert not complaints(at) or "start before stop" in complaints(at)[0]
         at.number_input(key=key).set_value(usual).run()
     at.button_group(key="method").set_value("dtm").run()
     assert not at.exception and not complaints(at)
@@ -157,8 +169,7 @@ def test_a_wrong_mesh_is_a_sentence(mesh):
 
 def test_a_live_line_is_computed_once():
     at = opened(**TINY)
-    assert at.button(key="line_job_start").label.startswith("Compute 3 points")
-    at.button(key="line_job_start").click().run()
+    start(at, "line_job")
     assert not at.exception and not complaints(at) and at.button(key="line_job_cancel")
     assert len(list_jobs()) == 1
     again = opened(**TINY)  # a reload meets the same job
@@ -174,7 +185,7 @@ def test_a_live_line_is_computed_once():
 
 def test_a_line_with_more_sweeps_serves_those_with_fewer():
     at = opened(**TINY, sweeps="cold,down")
-    at.button(key="line_job_start").click().run()
+    start(at, "line_job")
     until_done(at)
     at.button_group(key="sweeps").set_value(["down"]).run()
     assert not at.exception and len(figures(at)) == 1 and len(list_jobs()) == 1
@@ -182,12 +193,12 @@ def test_a_line_with_more_sweeps_serves_those_with_fewer():
         SWEEP_COLOURS["down"]
     }
     at.button_group(key="sweeps").set_value(["up"]).run()
-    assert at.button(key="line_job_start")
+    assert at.button(key="line_job_cancel")  # it begins by itself
 
 
 def test_cancelled_is_shown_as_cancelled_and_goes_on():
     at = opened(**TINY | {"points": "300", "transient": "400"})
-    at.button(key="line_job_start").click().run()
+    start(at, "line_job")
     at.button(key="line_job_cancel").click().run()
     assert not at.exception and [job.state for job in list_jobs()] == ["cancelled"]
     assert "Cancelled" in at.warning[0].value and at.button(key="line_job_start").label == "Go on"
@@ -197,7 +208,7 @@ def test_cancelled_is_shown_as_cancelled_and_goes_on():
 
 def test_a_damaged_job_can_be_started_again():
     at = opened(**TINY)
-    at.button(key="line_job_start").click().run()
+    start(at, "line_job")
     at.button(key="line_job_cancel").click().run()
     (job,) = list_jobs()
     (job.folder / "job.json").write_text("{")
@@ -213,7 +224,7 @@ def test_a_damaged_job_can_be_started_again():
 
 def test_a_damaged_result_and_missing_files_are_sentences(tmp_path, monkeypatch):
     at = opened(**TINY)
-    at.button(key="line_job_start").click().run()
+    start(at, "line_job")
     until_done(at)
     (job,) = list_jobs()
     job.result.write_bytes(b"none")

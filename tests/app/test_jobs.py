@@ -29,7 +29,7 @@ def page():
     ("kind", "words", "label"),
     [
         ("point", "Nothing is kept of it: it starts from the beginning.", "Start again"),
-        ("bifurcation", "What is solved is kept.", "Go on"),
+        ("bifurcation", "What has been solved is kept.", "Go on"),
     ],
 )
 def test_a_cancelled_job_says_what_is_kept(kind, words, label):

@@ -4,13 +4,17 @@ and comparison.
 
 import json
 
+import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
 from spab_core.design.presets import PRESETS
 from spab_core.jobs.store import list_jobs, submit
-from spab_core.trajectory.regimes import NO_EXPONENT, REGIMES
-from tests.app.conftest import complaints, until_done
+from spab_core.plotting.theme import GRADE_MARKS
+from spab_core.trajectory.assessment import GRADES
+from spab_core.ui.verdict import grade_label
+from spab_core.ui.view import OWN_LAYERS
+from tests.app.conftest import complaints, start, until_done, until_margin, verdicts
 from tests.conftest import ROOT
 
 MAP, WHAT_IF = (str(next((ROOT / "pages").glob(f"*_{name}.py"))) for name in ("My_map", "What_if"))
@@ -40,23 +44,30 @@ def words(at):
 
 def test_a_bearing_is_mapped_its_margin_told_and_the_job_listed():
     at = opened(MAP, **SMALL, own_minutes=5.0, bearing_number=3.0, rotor_mass=6.0)
-    assert not at.exception and "coarse plane comes first" in words(at) and not figures(at)
+    assert not at.exception and "The map that comes with spab" in words(at)
     at.button(key="own_map_start").click().run()
-    at = until_done(at)
+    at = until_margin(until_done(at))
     assert not at.exception and not complaints(at)
     names = {trace.get("name") for trace in figures(at)[0]["data"]}
     assert "solved (36)" in names and "chosen point" in names
     assert {m.label: m.value for m in at.metric}["Solved cells"] == "36"
-    assert "the nearest unstable point is" in words(
-        at
-    ) and "kg above the quasi-periodic band" in words(at)
-    for layer in ("MLE", "Probability unstable"):
+    # the margin is that of the solved lines, without a click; nothing of the map is a margin
+    assert "Solved margin: going" in words(at) and "redicted limit" not in words(at)
+    assert "The cell of this point is solved: " in words(at)
+    tiles = {m.label: m.value for m in at.metric}
+    shares = [tiles[name] for name in ("Good", "To be watched", "Not recommended")]
+    assert sum(float(value[:-2]) for value in shares) == pytest.approx(100.0, abs=0.15)
+    assert tiles["Failed runs"] == "0.0 %"
+    for layer in OWN_LAYERS:
         at.button_group(key="own_layer").set_value(layer).run()
-        assert not at.exception and figures(at)[0]["data"][0]["type"] == "heatmap"
+        (heatmap,) = (t for t in figures(at)[0]["data"] if t["type"] == "heatmap")
+        assert not at.exception and "probability of this assessment" in heatmap["hovertemplate"]
     at.number_input(key="rotor_mass").set_value(20.0).run()
     assert "outside this map" in words(at)
     (job,) = list_jobs()
-    assert job.state == "done" and "1 job," in words(at)
+    assert job.state == "done"
+    at.number_input(key="own_minutes").set_value(7.0).run()  # of another map
+    assert "solved (36)" in {trace.get("name") for trace in figures(at)[0]["data"]}
 
 
 def test_two_maps_are_compared():
@@ -64,6 +75,7 @@ def test_two_maps_are_compared():
         "map",
         {"bearing_number": "2:4:4", "rotor_mass": "3:9:5", "seconds": 300.0, "settings": QUICK},
     )
+    until_done(opened(MAP))  # one map of a design at a time
     at = opened(MAP, own_numbers="2:3:4", own_masses="3:9:5")
     at.button(key="own_map_start").click().run()  # with the page's own settings: another job
     at = until_done(at)
@@ -91,11 +103,14 @@ def test_a_wrong_plane_is_a_sentence(key, value, told):
 
 def test_sensitivity_of_the_margin():
     at = opened(WHAT_IF, bearing_number=3.0, rotor_mass=8.0)
-    assert not at.exception and not figures(at)
+    assert not at.exception and not figures(at) and at.button(key="what_job_cancel")
+    at.button(key="what_job_cancel").click().run()  # it has begun by itself
     at.number_input(key="what_scan").set_value(4).run()
-    at.button(key="what_job_start").click().run()
+    start(at, "what_job")
     at = until_done(at)
-    assert (not at.exception and not complaints(at)) or "Unstable at" in at.error[0].value
+    assert not at.exception and not complaints(at)
+    (box,) = at.error  # 8 kg at this speed whirl and rub
+    assert "Not recommended at 8,899 rpm (rubbing)" in box.value and "ends at" in box.value
     (figure,) = figures(at)
     assert {t["type"] for t in figure["data"]} == {"bar"} and len(figure["data"][0]["y"]) == 4
     assert len(at.dataframe[0].value) == 8 and "rpm" in words(at)
@@ -103,11 +118,23 @@ def test_sensitivity_of_the_margin():
 
 def test_a_run_up_lists_what_it_crosses():
     at = opened(WHAT_IF, bearing_number=3.0, rotor_mass=8.0, what_tab="Run-up", run_count=10)
-    at.button(key="run_job_start").click().run()
+    start(at, "run_job")
     at = until_done(at)
     assert not at.exception and not complaints(at)
     table = at.dataframe[0].value
-    assert table["points"].sum() == 10 and set(table["regime"]) <= {*REGIMES, NO_EXPONENT}
+    assert list(table) == ["assessment", "why", "first_rpm", "last_rpm"]
+    labels = {grade_label(grade) for grade in GRADES}
+    assert set(table["assessment"]) <= labels and len(set(table["assessment"])) > 1
+    # a band begins where the one before ended, one step on
+    steps = table["first_rpm"].to_numpy()[1:] - table["last_rpm"].to_numpy()[:-1]
+    assert np.allclose(steps, steps[0])
+    (box,) = at.error  # the worst of the run-up decides the colour
+    assert "By the motion alone: not recommended" in box.value
+    (figure,) = figures(at)
+    bands = [shape["name"] for shape in figure["layout"]["shapes"]]
+    assert len(bands) == len(table) and set(bands) <= set(GRADES)
+    marks = " ".join(note["text"] for note in figure["layout"]["annotations"])
+    assert GRADE_MARKS["avoid"] in marks and "not recommended" in marks
 
 
 def test_two_designs_side_by_side():
@@ -118,8 +145,10 @@ def test_two_designs_side_by_side():
     table = at.dataframe[0].value
     assert (
         list(table.columns) == ["This design", f"Other: {PRESETS[name].label}"]
-        and "MLE per revolution" in table.index
+        and "Exponent (MLE) per revolution" in table.index
     )
+    assert set(table.loc["assessment"]) <= {grade_label(grade) for grade in GRADES}
+    assert any("Better judged: " in x or "Both are" in x for x in verdicts(at))
 
 
 @pytest.mark.parametrize("content", [b"[bearing]\nradius = -1", b"\xff\xfe", b"x" * 2_000_000])

@@ -13,7 +13,7 @@ from streamlit.testing.v1 import AppTest
 
 from spab_core import solve_point
 from spab_core.cli.main import main
-from spab_core.design.form import FIELDS
+from spab_core.design.form import FIELDS, to_form, unused
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.design.model import design_toml, reference_design
 from spab_core.trajectory.expected_time import expected_seconds
@@ -98,10 +98,14 @@ def test_the_point_at_its_ends(key, low, high):
 
 def test_every_design_value_at_its_ends():
     """Either the design is taken, or a sentence says why not and the value stays."""
-    at = page()
+    at, usual = page(), to_form(reference_design())
     for name, field in FIELDS.items():
+        if field.choices or name in unused(reference_design()):
+            continue
         scale = 1.01325 if field.over_ambient else 1.0  # bar
         for end in (field.low * scale, field.high * scale):
+            if end == usual[name]:
+                continue
             at.number_input(key=f"my_{name}").set_value(end).run()
             assert not at.exception, name
             refused = any(e.value.endswith("stays as it was.") for e in at.error)

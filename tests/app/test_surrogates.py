@@ -19,9 +19,17 @@ from spab_core.maps.stability_map import FIELDS, load_map, save_map
 from spab_core.plotting.theme import CHOSEN
 from spab_core.shipped import model_store, predicted_maps
 from spab_core.shipped.build import rebuild
-from spab_core.shipped.manifest import REFERENCE_MAP, SCORES, load_reference_map, write_manifest
-from spab_core.surrogates.metrics import evaluate
-from spab_core.surrogates.models import DIVISORS, MODELS
+from spab_core.shipped.manifest import (
+    FLOORED_SCORES,
+    REFERENCE_MAP,
+    SCORES,
+    load_reference_map,
+    load_reference_scores,
+    write_manifest,
+)
+from spab_core.surrogates.classifier import regimes_by_threshold
+from spab_core.surrogates.metrics import errors, evaluate
+from spab_core.surrogates.models import DIVISORS, FLOOR, MODELS, floored, predict_map
 from spab_core.ui import shared
 from tests.app.conftest import complaints, until_done
 from tests.conftest import ROOT
@@ -44,10 +52,10 @@ def small_folder(tmp_path_factory):
         m, bearing_number=m.bearing_number[rows], rotor_mass=m.rotor_mass[columns], **cells
     )
     save_map(small, folder / REFERENCE_MAP)
-    scores = evaluate(
-        small, [MODELS[k] for k in ("mlp", "svr", "tree", "forest", "linear")], (2, 8), (0, 1)
-    )
-    scores.to_csv(folder / SCORES, index=False)
+    kinds = [MODELS[k] for k in ("mlp", "svr", "tree", "forest", "linear")]
+    for name, floor in ((SCORES, None), (FLOORED_SCORES, FLOOR)):
+        scores = evaluate(small, kinds, (2, 8), (0, 1), floor=floor)
+        scores.to_csv(folder / name, index=False)
     write_manifest(folder)
     return folder
 
@@ -92,6 +100,42 @@ def test_first_view_of_the_surrogate_map(small):
     lives = at.dataframe[0].value
     assert set(lives.columns) == {"cells", "rmse", "mae", "share"} and "at a border" in lives.index
     assert lives.drop(index="at a border")["share"].sum() == pytest.approx(1.0)
+
+
+def test_another_target_is_chosen_and_told(small):
+    """What is learnt, measured and drawn ends at the floor; nothing of the other target is left."""
+    m = load_map(small / REFERENCE_MAP)
+    at = open_page("Surrogate_map")
+    at.selectbox(key="model").select("tree").run()
+    shown = {}
+    for target, of in (("full", m), ("floored", floored(m, FLOOR))):
+        at.button_group(key="target").select(target).run()
+        assert not at.exception and not complaints(at) and not at.warning
+        predicted = predict_map(of, MODELS["tree"], 8)
+        found = {metric.label: metric.value for metric in at.metric}
+        expected = errors(of, predicted)["rmse_held_out"]
+        assert found["RMSE, held-out cells"] == f"{expected:.3f}"
+        own = regimes_by_threshold(
+            predicted.mle, of.mle[predicted.trained], of.regime[predicted.trained]
+        )
+        right = (own == of.regime)[predicted.held_out].mean()
+        assert found["Regime right, by its exponent"] == f"{right:.1%}"
+        shown[target] = " ".join(c.value for c in at.caption)
+    assert "Exponents as solved" in shown["full"] and "count as -1" in shown["floored"]
+    assert "--floor -1" in " ".join(c.value for c in at.code)
+
+
+def test_the_ranking_is_of_the_chosen_target(small):
+    at = open_page("Model_ranking")
+    for target, name in (("floored", FLOORED_SCORES), ("full", SCORES)):
+        at.button_group(key="ranked").select(target).run()
+        assert not at.exception and not complaints(at)
+        scores = load_reference_scores(small, name)
+        forest = scores[scores["model"] == "forest"]
+        assert at.dataframe[0].value.loc["Random forest", "rmse"] == pytest.approx(
+            forest["rmse_held_out"].mean()
+        )
+        assert ("--floor -1" in at.code[0].value) is (target == "floored")
 
 
 @pytest.fixture
@@ -150,14 +194,14 @@ def test_a_click_on_the_error_map_compares_with_the_live_solve(own_jobs):
     # (tests/browser clicks)
     source, before = (
         Path(PAGE["Surrogate_map"]).read_text("utf-8"),
-        '\nst.markdown("#### Surrogate map',
+        '\nst.markdown("# Surrogate maps',
     )
     assert source.count(before) == 1
     clicking = source.replace(
         before, f'\nif "test_click" in state:\n    _clicked(*state.pop("test_click")){before}'
     )
     at = AppTest.from_string(clicking, default_timeout=120).run()
-    assert not any(h.value.startswith("##### Compared") for h in at.markdown) and not list_jobs()
+    assert not any(h.value.startswith("## Compared") for h in at.markdown) and not list_jobs()
     predicted = predicted_maps.load_shipped_map(m, MODELS["theory-trees"], 8)
     error = np.where(predicted.trained, 0.0, np.abs(predicted.mle - m.mle))
     settled = minimum_filter(
@@ -171,7 +215,7 @@ def test_a_click_on_the_error_map_compares_with_the_live_solve(own_jobs):
     at.session_state["test_click"] = number, mass
     at.run()
     assert not at.exception and not complaints(at)
-    assert f"##### Compared at Λ {number:.3f}" in "".join(h.value for h in at.markdown)
+    assert f"## Compared at Λ {number:.3f}" in "".join(h.value for h in at.markdown)
     assert at.session_state["rotor_mass"] == pytest.approx(mass) and at.session_state[
         "bearing_number"
     ] == pytest.approx(number)
@@ -222,7 +266,7 @@ def test_how_sure_it_is(own_jobs):
     assert not at.exception and not complaints(at)
     found = {metric.label: metric.value for metric in at.metric}
     assert 88.0 < float(found["Coverage of 90 % intervals"].rstrip("%")) < 92.0
-    assert 95.0 < float(found["Regime accuracy"].rstrip("%")) <= 100.0
+    assert 95.0 < float(found["Regime right, classifier"].rstrip("%")) <= 100.0
     assert len([t for t in figure(at, 1)["data"] if t["type"] == "heatmap"]) == 2
     assert figure(at, 2)["data"][1]["name"] == "held-out cells"
     solved = int(np.isfinite(load_reference_map().mle).sum())
@@ -292,7 +336,7 @@ def test_missing_scores_are_said_in_words(small, monkeypatch, tmp_path):
     write_manifest(tmp_path)
     monkeypatch.setattr(shared, "ARTIFACTS", tmp_path)
     at = open_page("Model_ranking")
-    assert not at.exception and SCORES in at.error[0].value
+    assert not at.exception and FLOORED_SCORES in at.error[0].value
 
 
 def test_own_data_are_ranked_by_a_job(own_jobs, small):

@@ -12,10 +12,11 @@ from tests.browser.conftest import OUTPUT
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
-AXES = """() => { const { xaxis, yaxis } = document.querySelector('.js-plotly-plot')._fullLayout;
+AXES = """() => {
+    const { xaxis, yaxis } = document.querySelector('.st-key-map .js-plotly-plot')._fullLayout;
     return {x: xaxis.range, y: yaxis.range}; }"""
 MARKED = """() => {
-    const plot = document.querySelector('.js-plotly-plot'), layout = plot._fullLayout;
+    const plot = document.querySelector('.st-key-map .js-plotly-plot'), layout = plot._fullLayout;
     const uid = plot._fullData.find(t => t.name === 'chosen point').uid;
     const mark = plot.querySelector(`.trace${uid} path.point`).getBoundingClientRect();
     const box = plot.querySelector('.nsewdrag').getBoundingClientRect();
@@ -67,13 +68,13 @@ def test_the_map_answers_before_plotly_is_there(chromium, tools):
         page.wait_for_selector(
             "[data-testid=stSkeleton]", state="attached"
         )  # in the charts' places
-        assert held and page.locator(".spab-picture img").first.is_visible()
+        assert held and page.locator(".st-key-map_box .spab-picture img").first.is_visible()
         Path(OUTPUT).mkdir(exist_ok=True)
         page.screenshot(path=OUTPUT / "plain_picture.png")
         for route in held:
             route.continue_()
         tools.settled(page)
-        assert not page.locator(".spab-picture img").first.is_visible()
+        assert not page.locator(".st-key-map_box .spab-picture img").first.is_visible()
         _, drawn, _, _, orbit_drawn = page.evaluate(PLACES)
         axes, mark = page.evaluate(AXES), page.evaluate(MARKED)
     assert picture == pytest.approx(drawn, abs=3.0) and orbit == pytest.approx(orbit_drawn, abs=3.0)
@@ -141,11 +142,13 @@ def test_click_a_cell(chromium, tools):
         marked = zoomed_and_marked(page, m)
         Path(OUTPUT).mkdir(exist_ok=True)
         page.screenshot(path=OUTPUT / "clicked.png")
+        page.get_by_text("The borders of regimes around the point, off this map").click()
+        page.get_by_text("Not periodic here (chaotic)").wait_for()
         text, shown = page.inner_text("body"), page.url
     assert marked == [pytest.approx([18.0, 4.5], abs=0.06)] * 2
     row, column = m.nearest(18.0, 4.5)
     assert point_words(m, row, column) in text
-    assert "Chaotic" in text and "Unstable here (chaotic)" in text
+    assert "Chaotic: never repeats" in text
     assert f"bearing_number={m.bearing_number[row]:.6g}" in shown and "rotor_mass=18" in shown
     assert not messages, messages
     assert all(
@@ -160,7 +163,7 @@ def zoomed_and_marked(page, m):
     screen, zoomed and whole.
     """
     box = page.evaluate("""() => {
-        const r = document.querySelector('.js-plotly-plot .nsewdrag').getBoundingClientRect();
+        const r = document.querySelector('.st-key-map .nsewdrag').getBoundingClientRect();
         return [r.left, r.top, r.width, r.height]; }""")
     page.mouse.move(box[0] + 0.3 * box[2], box[1] + 0.1 * box[3])
     page.mouse.down()
@@ -188,7 +191,8 @@ def click_cell(page, m, row, column):
     number, mass = float(m.bearing_number[row]), float(m.rotor_mass[column])
     position = page.evaluate(
         """([x, y]) => {
-        const plot = document.querySelector('.js-plotly-plot'), layout = plot._fullLayout;
+        const plot = document.querySelector('.st-key-map .js-plotly-plot');
+        const layout = plot._fullLayout;
         const box = plot.querySelector('.plot-container .nsewdrag').getBoundingClientRect();
         return [box.left + layout.xaxis.d2p(x), box.top + layout.yaxis.d2p(y)];
     }""",

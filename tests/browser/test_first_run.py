@@ -38,11 +38,11 @@ def test_what_is_known_gives_way_to_the_solve(chromium, tmp_path, tools):
             "old => !document.body.innerText.includes(old)", arg=old, timeout=60_000
         )
         page.get_by_role("link", name="Model ranking").click()  # another page answers meanwhile
-        page.get_by_text("Which model predicts the map best?").wait_for(timeout=60_000)
-        page.get_by_role("link", name="Stability map").first.click()
+        page.get_by_text("which one predicts the map best?").wait_for(timeout=60_000)
+        page.get_by_role("link", name="Start").first.click()
         page.get_by_text("Not solved yet").wait_for(timeout=60_000)
         page.get_by_text("Solved live").wait_for(timeout=600_000)
         assert list(tmp_path.glob("*/*/stepping.advance*.nbi"))
         told = page.inner_text("body")
         page.screenshot(path=OUTPUT / "first_run_solved.png")
-    assert "Not solved yet" not in told and "s so far" not in told and "Time in contact" in told
+    assert "Not solved yet" not in told and "s so far" not in told and "Contact share" in told

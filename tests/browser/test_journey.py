@@ -13,6 +13,7 @@ import pytest
 from spab_core.shipped.manifest import load_reference_map
 from spab_core.shipped.predicted_maps import load_shipped_map
 from spab_core.surrogates.models import MODELS
+from spab_core.ui.navigation import LABELS
 from tests.browser.conftest import OUTPUT
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -69,21 +70,26 @@ def click_cell(page, number, mass, axis=""):
     """Click a cell in the first figure's subplot with these axes."""
     position = page.evaluate(
         """([x, y, axis]) => {
-        const plot = document.querySelector('.js-plotly-plot'), layout = plot._fullLayout;
+        const plot = document.querySelector(
+            ':is(.st-key-map, .st-key-maps, .st-key-own_figure) .js-plotly-plot');
+        const layout = plot._fullLayout;
         const place = plot.querySelector(`.nsewdrag[data-subplot="x${axis}y${axis}"]`);
         const box = place.getBoundingClientRect();
         return [box.left + layout['xaxis' + axis].d2p(x), box.top + layout['yaxis' + axis].d2p(y)];
     }""",
         [number, mass, axis],
     )
+    # a browser tells whole pixels, those below: a cell is one and a half of them wide
+    position = [round(at) for at in position]
     page.mouse.move(*position)
     page.wait_for_timeout(300)
     page.mouse.click(*position)
 
 
 def go_to(page, tools, name):
-    page.locator("[data-testid='stSidebarNav']").get_by_role("link", name=name).click()
-    page.wait_for_url(f"**/{name.replace(' ', '_')}?**")
+    """Open the page of this name in addresses by its link in the sidebar."""
+    page.get_by_test_id("stSidebar").get_by_role("link", name=LABELS[name], exact=True).click()
+    page.wait_for_url(f"**/{name}?**")
     tools.settled(page)
 
 
@@ -104,7 +110,7 @@ def test_journey(address, tools):
         page.get_by_text("Chaotic: never repeats").first.wait_for()
         page.screenshot(path=OUTPUT / "journey_1_map.png")
 
-        go_to(page, tools, "Operating point")
+        go_to(page, tools, "Operating_point")
         at_point(page)
         assert float(page.get_by_label("Bearing number Λ", exact=True).input_value()) == NUMBER
         page.get_by_text("Chaotic: never repeats").first.wait_for()
@@ -117,7 +123,7 @@ def test_journey(address, tools):
         ).first.wait_for()  # the line through the point, not the paper's
         page.screenshot(path=OUTPUT / "journey_3_bifurcation.png")
 
-        go_to(page, tools, "Surrogate map")
+        go_to(page, tools, "Surrogate_map")
         at_point(page)
         page.get_by_role("radio", name="n/4").or_(
             page.get_by_role("button", name="n/4")
@@ -182,7 +188,7 @@ def test_leaving_a_page_while_its_job_works(own_page, tools, tmp_path):
     page.get_by_role("button", name="Compute 4,000 points").click()
     page.get_by_role("button", name="Cancel").wait_for(timeout=60_000)
     page.get_by_text(re.compile(r"[1-9][0-9]* of 4,000")).wait_for(timeout=120_000)
-    go_to(page, tools, "Operating point")
+    go_to(page, tools, "Operating_point")
     at_point(page)
     assert "points=2000" in page.url and "sweeps=cold" in page.url
     go_to(page, tools, "Bifurcation")
@@ -228,16 +234,23 @@ def test_a_click_on_my_map_tells_the_margin_of_the_cell(own_page, tools):
     page, address = own_page
     page.goto(f"{address}/My_map?bearing_number=3&rotor_mass=6")
     tools.settled(page)
+    page.get_by_test_id("stPopoverButton").filter(has_text="Cells, cluster").click()
     for label, value in (("Bearing numbers", "2:4:5"), ("Rotor masses", "3:9:5")):
-        page.get_by_label(label).fill(value)
-        page.get_by_label(label).press("Enter")
+        field = page.get_by_role("textbox", name=label)
+        field.fill(value)
+        field.press("Enter")
         tools.settled(page)
+    page.keyboard.press("Escape")
+    assert [float(page.get_by_label(name).input_value()) for name in ("From, kg", "To, kg")] == [
+        3,
+        9,
+    ]
     page.get_by_role("button", name="Map this bearing").click()
     page.get_by_text("solved (25)").first.wait_for(timeout=120_000)
     tools.settled(page)
     click_cell(page, 2.5, 7.5)
     page.wait_for_url("**bearing_number=2.5&rotor_mass=7.5**")
-    page.get_by_text("At 7.5 kg").wait_for()
+    page.get_by_text("Solved margin").first.wait_for(timeout=60_000)
     assert float(page.get_by_label("Rotor mass, kg", exact=True).input_value()) == 7.5
     page.screenshot(path=OUTPUT / "my_map.png")
 

@@ -22,7 +22,7 @@ def test_the_operating_point(chromium, tools):
         page.on("request", lambda request: requests.append(request.url))
         page.goto(address)
         tools.settled(page)
-        page.get_by_role("link", name="Operating point").first.click()
+        page.get_by_role("link", name="Motion in detail").first.click()
         page.get_by_text("revolutions from rest").wait_for(timeout=120_000)
 
         metric = page.locator("[data-testid=stMetricValue]").first

@@ -107,14 +107,15 @@ def test_unfed_film_at_rest_has_no_stiffness():
     assert np.abs(concentric_stiffness(fed_design(29, 1, 0), 1e-2, Mesh(3, 24))).max() < 0.01
 
 
+@pytest.mark.parametrize("offset", [None, 0.25])
 @pytest.mark.parametrize("mesh", [Mesh(3, 16), Mesh(4, 24), Mesh(12, 8)], ids=str)
-def test_gas_changes_only_through_edge_and_wall(design, mesh):
+def test_gas_changes_only_through_edge_and_wall(design, mesh, offset):
     """d/dtau of the film's content equals the flow through the open edge and the wall, to rounding,
     in the kernel.
     """
-    film = build_film(design, 3.45, mesh)
+    film = build_film(design, 3.45, mesh, offset)
     random = np.random.default_rng(1)
-    s = 1.0 + 0.3 * random.random(mesh)
+    s = 1.0 + 0.3 * random.random((film.latitudes, mesh.azimuth))
     x, y = 0.6, -0.5
     state = np.zeros(film_size(film) + 8)
     state[:-8] = s.ravel()

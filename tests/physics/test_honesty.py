@@ -17,13 +17,13 @@ from spab_core import Settings, solve_point
 from spab_core.common.errors import DesignError
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.design.model import Design
-from spab_core.design.presets import PRESETS, preset
+from spab_core.design.presets import PRESETS
 from spab_core.linear_theory.impedance import impedance
 from spab_core.linear_theory.modes import rotor_modes
 from spab_core.solver.film import Mesh
 from spab_core.solver.stepping import DEFAULT_TOLERANCE, STATUS
 from spab_core.trajectory.run import THIN
-from tests.conftest import ROOT
+from tests.conftest import ROOT, quiet
 
 _spec = importlib.util.spec_from_file_location("honesty", ROOT / "benchmarks" / "honesty.py")
 honesty = importlib.util.module_from_spec(_spec)
@@ -120,7 +120,7 @@ def test_a_vibration_far_faster_than_the_shaft_has_the_rate_of_linear_theory(mas
 
     Long steps made -1.338 of -1.034.
     """
-    design = preset("fed_spindle").design
+    design = quiet("fed_spindle")
     z = impedance(design, mass, number, Mesh(4, 24))
     whirl = rotor_modes(z.system, z.equilibrium.state)[0].root
     assert whirl.imag > 20.0
@@ -146,9 +146,12 @@ def test_near_the_wall_steps_are_finer(design):
 @pytest.mark.parametrize("name", PRESETS)
 def test_the_slowest_and_lightest_point_of_every_preset_is_solved(name):
     """The corner of the allowed plane where rotors vibrate fastest over the shaft speed, a quarter
-    of a million times.
+    of a million times; on the bushing, far stiffer, half a million times, which is told.
     """
     point = solve_point(
         PRESETS[name].design, ROTOR_MASS_RANGE[0], BEARING_NUMBER_RANGE[0], honesty.SETTINGS
     )
-    assert point.regime.text == "periodic-1"
+    if name == "carbon_bushing":
+        assert point.trajectory.status == "too-many-steps" and point.regime is None
+    else:
+        assert point.regime.text == "periodic-1"

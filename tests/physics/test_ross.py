@@ -13,7 +13,6 @@ import sys
 import numpy as np
 import pytest
 
-from spab_core.design.presets import preset
 from spab_core.linear_theory.coefficients import (
     FILM_WHIRL,
     coefficients_over_speed,
@@ -24,6 +23,7 @@ from spab_core.linear_theory.film_whirl import follow_film_whirl
 from spab_core.linear_theory.ross_table import save_table
 from spab_core.linear_theory.whirl import whirl_thresholds
 from spab_core.solver.film import Mesh
+from tests.conftest import quiet
 
 MESH = Mesh(3, 24)
 RIGID = 1e12  # N/m, a shaft that does not bend
@@ -104,7 +104,7 @@ def in_ross(python, path, design, mass, speeds, matched, roots=()):
         input=json.dumps(job),
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=900,
         check=False,
         cwd=path.parent,
     )
@@ -127,10 +127,10 @@ def over(design, low, high, count):
 
 
 # kg on a bearing; rpm from a fraction of the limit of stability to past it; how far the other modes
-# may be off below the limit
+# may be off
 CASES = {
     "fed_spindle": (4.0, 5_000.0, 45_000.0, 0.05),
-    "rigid_balanced": (5.0, 5_000.0, 45_000.0, 0.09),
+    "rigid_balanced": (5.0, 5_000.0, 45_000.0, 0.05),
     "small_high_speed": (0.05, 20_000.0, 150_000.0, 0.05),
 }
 
@@ -144,7 +144,7 @@ def test_the_whirl_of_the_film_in_ross_is_ours(name, form, python_with_ross, tmp
     limit of stability to 0.2 %. In the table over speed and frequency the other modes of the rotor
     too: those that bend the shaft, and the backward whirl.
     """
-    design = preset(name).design
+    design = quiet(name)
     mass, low, high, others = CASES[name]
     grid, path = form == ".json", tmp_path / f"bearing{form}"
     numbers = over(design, low, high, 17)
@@ -155,14 +155,14 @@ def test_the_whirl_of_the_film_in_ross_is_ours(name, form, python_with_ross, tmp
     save_table(found, str(path))
     ours = follow_film_whirl(design, mass, over(design, low, high, 33), MESH)
     speeds = [design.speed(z.bearing_number) for z, _, _ in ours]
-    # the other modes below the limit; a backward whirl above it is worse (docs/my_bearing.md)
+    # the other modes, below the limit and above
     roots = [
         [
             speed * mode.root
             for mode in every
             if mode is not followed and abs(mode.root.real) < 0.3 * mode.root.imag
         ]
-        if grid and followed.root.real < 0.0
+        if grid
         else []
         for speed, (_, every, followed) in zip(speeds, ours, strict=True)
     ]
@@ -195,7 +195,7 @@ def test_a_table_over_frequency_is_one_in_ross(python_with_ross, tmp_path):
     """At the threshold of whirl, at one speed: ROSS takes it for a table over frequency, and finds
     the whirl there, neither growing nor decaying.
     """
-    design, number = preset("fed_spindle").design, 8.5
+    design, number = quiet("fed_spindle"), 8.5
     threshold = whirl_thresholds(design, number, MESH, masses=(4.0, 20.0), scan=3)[0]
     mass, speed = threshold.critical_mass, design.speed(number)
     found = coefficients_over_whirl(design, mass, number, np.linspace(0.0, 4.0, 81), MESH)

@@ -18,9 +18,11 @@ from spab_core.maps.bifurcation import (
     interval_table,
     line_of_map,
     line_table,
+    line_verdict,
     load_bifurcation,
     save_bifurcation,
 )
+from spab_core.trajectory.assessment import Limits, Motion, grades
 from tests.maps import map_of
 
 SHORT = Settings(mesh="3x24", transient=40, revolutions=60)
@@ -81,6 +83,25 @@ def test_files_come_back_and_others_are_refused(result, tmp_path):
             load_bifurcation(tmp_path / name)
 
 
+def test_a_line_has_the_grades_of_its_points(design, result, tmp_path):
+    """Each point alone, judged by its motion; so does what comes back from a file."""
+    save_bifurcation(result, tmp_path / "line.npz")
+    again = load_bifurcation(tmp_path / "line.npz")
+    for line in (result, again):
+        found, kinds = line.judged("cold")
+        for k, mass in enumerate(LINE):
+            point = solve_point(design, mass, 6.0, SHORT)
+            assert found[k] == str(grades(design, point.motion))
+            motion = Motion(*(getattr(line.branches["cold"], n)[k] for n in Motion._fields))
+            assert np.isclose(motion.max_eccentricity, point.max_eccentricity)
+            assert (kinds[k] == "") == (found[k] == "good")
+    with np.load(tmp_path / "line.npz") as kept:  # of an earlier version
+        old = {k: v for k, v in kept.items() if "eccentricity" not in k and "orbit" not in k}
+    np.savez(tmp_path / "old.npz", **old)
+    found, kinds = load_bifurcation(tmp_path / "old.npz").judged("cold")
+    assert "good" not in found
+
+
 def test_chaotic_intervals_are_listed():
     regime = np.array(["chaotic", "periodic", "chaotic", "chaotic", "quasi-periodic", "chaotic"])
     assert chaotic_intervals(np.arange(6.0), regime) == [(0.0, 0.0), (2.0, 3.0), (5.0, 5.0)]
@@ -109,6 +130,10 @@ def test_command_writes_and_lists(capsys, tmp_path):
     assert main([*COMMAND, "--sweeps", "cold,down", "--out", str(tmp_path / "c.npz")]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["points"] == 2 and answer["chaotic_intervals"] == {"cold": [], "down": []}
+    for sweep in ("cold", "down"):
+        (band,) = (row for row in answer["bands"] if row["sweep"] == sweep)
+        assert answer["assessment"][sweep] == band["assessment"] == "avoid" and band["why"]
+        assert (band["first"], band["last"]) == (5.9, 6.1)
     assert list(load_bifurcation(tmp_path / "c.npz").branches) == ["cold", "down"]
     assert [p.name for p in tmp_path.iterdir()] == ["c.npz"]
 
@@ -159,20 +184,36 @@ def test_tables_of_a_line(result):
     assert len(table) == 9 and list(table["sweep"].unique()) == ["cold", "up", "down"]
     assert table["bearing_number"].eq(6.0).all() and list(table["rotor_mass_kg"][:3]) == list(LINE)
     assert np.array_equal(table["mle"][3:6], result.branches["up"].mle)
-    regime = np.array(["chaotic", "chaotic", "periodic"])
-    made_up = dataclasses.replace(
-        result,
-        vary="bearing-number",
-        branches={
-            name: dataclasses.replace(branch, regime=regime if name != "up" else regime[::-1])
-            for name, branch in result.branches.items()
-        },
-    )
+    calm = {name: np.zeros(3) for name in ("contact_share", "thin_film_share")}
+    calm |= {name: np.full(3, 0.2) for name in ("max_eccentricity", "orbit_amplitude")}
+    calm |= {"period": np.array([0, 0, 1]), "regime": np.array(["chaotic", "chaotic", "periodic"])}
+    branches = {
+        name: dataclasses.replace(
+            branch, **{k: v[::-1] if name == "up" else v for k, v in calm.items()}
+        )
+        for name, branch in result.branches.items()
+    }
+    made_up = dataclasses.replace(result, vary="bearing-number", branches=branches)
     found = interval_table(made_up, ["cold", "up"])
-    assert found[["sweep", "first", "last"]].values.tolist() == [
-        ["cold", 5.0, 6.0],
-        ["up", 6.0, 7.0],
+    assert found[["sweep", "assessment", "why", "first", "last"]].values.tolist() == [
+        ["cold", "avoid", "chaos", 5.0, 6.0],
+        ["cold", "good", "", 7.0, 7.0],
+        ["up", "good", "", 5.0, 5.0],
+        ["up", "avoid", "chaos", 6.0, 7.0],
     ]
+    assert line_verdict(made_up, "up") == (
+        "avoid",
+        "By the motion alone: not recommended 66.7 % of the points (chaos); good 33.3 % of the "
+        "points.",
+    )
+    # no chaotic point, yet nothing to be called good
+    rubs = {"contact_share": np.full(3, 0.5), "regime": np.full(3, "periodic")}
+    rubbing = dataclasses.replace(branches["cold"], **rubs, period=np.ones(3, int))
+    only = dataclasses.replace(made_up, branches={"cold": rubbing})
+    assert interval_table(only, ["cold"])[["assessment", "why"]].values.tolist() == [
+        ["avoid", "rubbing"]
+    ]
+    assert line_verdict(only, "cold", Limits())[0] == "avoid"
     rpm = Design.from_dict(result.metadata["design"]).speed_rpm(5.0)
     assert found["first_rpm"][0] == pytest.approx(rpm) and len(interval_table(result, [])) == 0
 

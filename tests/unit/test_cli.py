@@ -55,6 +55,7 @@ def test_simulate_keys(capsys, tmp_path):
         "assessment",
         "assessment_reasons",
         "rest",
+        "coexisting",
         "status",
         "mesh",
         "revolutions",

@@ -78,7 +78,7 @@ def test_show_judges_by_the_limits_given(capsys):
 
 def test_show_a_file_and_a_rigid_preset_as_text(capsys, tmp_path):
     path = str(tmp_path / "d.toml")
-    save_design(preset("fed_spindle").design, path)
+    save_design(preset("fed_spindle_layered").design, path)
     assert main(["design", "show", "--design", path, *POINT, "--rpm", "20000", *MESH]) == 0
     text = capsys.readouterr().out
     assert "20,000 rpm" in text and "normal litres" in text and "kxx" in text and "decays" in text

@@ -12,7 +12,7 @@ from scipy.io import netcdf_file
 
 from spab_core.cli.main import main
 from spab_core.maps.margin import margin
-from spab_core.maps.solved_margin import KINDS
+from spab_core.maps.solved_margin import DIRECTIONS, KINDS
 from spab_core.maps.stability_map import save_map
 from spab_core.shipped.manifest import ARTIFACTS, REFERENCE_MAP, load_reference_map
 from tests.commands import answer, refused
@@ -28,7 +28,7 @@ def small(tmp_path):
 
 
 POINT = ("--rotor-mass", "4.52", "--bearing-number", "3.45")
-SOLVED = ("margin", "--preset", "fed_spindle", "--rotor-mass", "4", "--rpm", "20000")
+SOLVED = ("margin", "--preset", "fed_spindle_layered", "--rotor-mass", "4", "--rpm", "20000")
 QUICK = ("--points", "2", "--precision", "0.1")
 
 
@@ -59,7 +59,7 @@ def test_a_solved_margin_answers_the_contract(capsys):
     } <= found.keys()
     assert found["speed_rpm"] == pytest.approx(20000.0)
     assert {(line["axis"], line["direction"]) for line in found["lines"]} == {
-        (axis, direction) for axis in ("speed", "mass") for direction in ("up", "down")
+        (axis, direction) for axis, towards in DIRECTIONS.items() for direction in towards
     }
     at = {"speed": 20000.0, "mass": 4.0}
     assert found["limits"]

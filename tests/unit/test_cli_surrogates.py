@@ -106,6 +106,10 @@ def test_evaluate_regimes_and_intervals_and_blocks(capsys, tmp_path, map_file):
     assert all(0.5 < s["coverage"] <= 1.0 and 0.8 < s["regime_accuracy"] <= 1.0 for s in scores)
     with out.open() as file:
         assert float(next(csv.DictReader(file))["coverage"]) == pytest.approx(scores[0]["coverage"])
+    assert main([*argv, "--assessment", "--out", str(out), "--json"]) == 0
+    scores = json.loads(capsys.readouterr().out)["scores"]
+    assert [s["seed"] for s in scores] == [0, 1] and set(scores[0]) > {"good_precision"}
+    assert all(0.8 < s["assessment_accuracy"] <= 1.0 for s in scores)
     assert (
         main([*argv, "--models", "nearest,tree", "--split", "blocks"]) == 0
     )  # one fraction: no spread to rank by
@@ -123,6 +127,7 @@ def test_evaluate_regimes_and_intervals_and_blocks(capsys, tmp_path, map_file):
         (["evaluate", "--split", "diagonal"], ["--split", "diagonal", "random, blocks"]),
         (["evaluate", "--split", "blocks", "--divisors", "64"], ["1/64", "at least 8 cells"]),
         (["evaluate", "--uncertainty", "--divisors", "8"], ["31 training cells", "at least 80"]),
+        (["evaluate", "--assessment", "--models", "tree"], ["--models", "not allowed"]),
         (["evaluate", "--models", "oracle"], ["model", "oracle", "forest"]),
         (["evaluate", "--divisors", "2,x"], ["--divisors", "2,x", "whole numbers"]),
         (["evaluate", "--divisors", "1"], ["--divisors", "1", "from 2"]),

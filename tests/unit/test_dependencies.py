@@ -60,7 +60,8 @@ def test_what_tests_benchmarks_docs_and_examples_import_is_declared():
         "tests",
         "benchmarks",
     }
-    rivals = {"extensisq", "heyoka"}  # what benchmarks/against.py compares with, where it is there
+    # what benchmarks/against.py and open_air_bearing.py compare with, where it is there
+    rivals = {"extensisq", "heyoka", "openairbearing"}
     found = imported("tests/**/*.py", "benchmarks/*.py", "docs/*.py", "examples/*.py")
     groups = (PROJECT["dependencies"], *EXTRAS.values())
     assert "pytest" in found and not undeclared(

@@ -1,17 +1,44 @@
 """Files for others say what the map says."""
 
+import dataclasses
 import io
+import json
 
 import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 import pytest
-from scipy.io import netcdf_file
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.io import loadmat, netcdf_file
 
 from spab_core.common.errors import InputError
 from spab_core.common.files import csv_bytes
-from spab_core.reporting.export import browser_path, figure_html, figure_png, map_netcdf, map_table
-from spab_core.shipped.manifest import load_reference_map
+from spab_core.design.model import reference_design
+from spab_core.maps.bifurcation import line_of_map, load_bifurcation, save_bifurcation
+from spab_core.maps.stability_map import FIELDS, load_map
+from spab_core.reporting.datasets import (
+    line_dataset,
+    map_dataset,
+    matlab_bytes,
+    netcdf_bytes,
+    point_dataset,
+)
+from spab_core.reporting.export import (
+    WRITERS,
+    browser_path,
+    figure_html,
+    figure_png,
+    map_netcdf,
+    map_table,
+    result_dataset,
+)
+from spab_core.shipped.manifest import ARTIFACTS, REFINED, load_reference_map
+from spab_core.solver.film import Mesh
+from spab_core.trajectory.point import solve_point
+from spab_core.trajectory.point_file import save_point
+from spab_core.trajectory.settings import Settings
+from tests.maps import map_of
 
 
 @pytest.fixture(scope="module")
@@ -59,3 +86,117 @@ def test_no_browser_is_a_sentence(monkeypatch):
             figure_png(go.Figure())
     finally:
         browser_path.cache_clear()
+
+
+@pytest.fixture(scope="module")
+def point():
+    settings = Settings(Mesh(2, 16), transient=30, revolutions=20, early_stop=False)
+    return solve_point(reference_design(), 4.0, 3.0, settings, path_revolutions=2)
+
+
+@pytest.fixture(scope="module")
+def line(m):
+    return line_of_map(m, "rotor-mass", 3.45)
+
+
+def test_an_exported_map_is_read_back_to_the_bit(m, tmp_path):
+    (tmp_path / "map.nc").write_bytes(map_netcdf(m))
+    found = load_map(tmp_path / "map.nc")
+    for name in ("bearing_number", "rotor_mass", *FIELDS):
+        assert np.array_equal(
+            getattr(found, name), getattr(m, name), equal_nan=getattr(m, name).dtype.kind == "f"
+        ), name
+        assert getattr(found, name).dtype == getattr(m, name).dtype
+    assert found.metadata == m.metadata
+
+
+@given(st.data())
+def test_a_damaged_netcdf_map_is_a_sentence(small_netcdf, tmp_path_factory, data):
+    content = bytearray(small_netcdf)
+    for _ in range(data.draw(st.integers(1, 4))):
+        content[data.draw(st.integers(3, len(content) - 1))] = data.draw(st.integers(0, 255))
+    path = tmp_path_factory.getbasetemp() / "damaged.nc"
+    path.write_bytes(content[: data.draw(st.integers(0, len(content)))])
+    try:
+        found = load_map(path)
+    except InputError:
+        return
+    assert found.mle.size  # what was changed is a value that may be
+
+
+@pytest.fixture(scope="module")
+def small_netcdf():
+    return map_netcdf(map_of(lambda number, mass: 0.2 * number - 0.05 * mass, 3, 4))
+
+
+def test_a_line_holds_its_sweeps_with_units(line):
+    data = line_dataset(line)
+    branch = line.branches["cold"]
+    with netcdf_file(io.BytesIO(netcdf_bytes(data)), mmap=False) as file:
+        v = file.variables
+        assert np.array_equal(v["rotor_mass"][:], line.values)
+        assert v["bearing_number"].getValue() == line.at and v["rotor_mass"].units == b"kg"
+        assert np.array_equal(v["cold_mle"][:], branch.mle)
+        words = np.array(v["cold_regime"].flag_meanings.decode().split())[v["cold_regime"][:]]
+        assert np.array_equal(words, branch.regime)
+        assert json.loads(file.metadata)["design"] == line.metadata["design"]
+    found = loadmat(io.BytesIO(matlab_bytes(data)), simplify_cells=True)
+    assert np.array_equal(found["cold_mle"], branch.mle)
+    assert list(found["cold_regime"]) == list(branch.regime)
+    assert found["units"]["cold_mle"] == "per revolution"
+    assert len(data.table) == len(line.values)
+
+
+def test_a_point_holds_its_motion(point):
+    data = point_dataset(point)
+    t = point.trajectory
+    with netcdf_file(io.BytesIO(netcdf_bytes(data)), mmap=False) as file:
+        assert np.array_equal(file.variables["path"][:], t.path)
+        assert np.array_equal(file.variables["max_eccentricity"][:], t.peak)
+        assert file.variables["mle"].getValue() == point.mle.value
+    found = loadmat(io.BytesIO(matlab_bytes(data)), simplify_cells=True)
+    assert np.array_equal(found["section"], t.section)
+    assert found["rotor_mass"] == 4.0 and found["units"]["peak_contact_force"] == "N"
+    assert np.allclose(found["peak_contact_force"], t.force * point.design.force_unit)
+    assert np.array_equal(data.table["X2"], t.section[:, 0]) and len(data.table) == 20
+
+
+def test_a_failed_run_is_exported_too(point):
+    empty = dataclasses.replace(
+        point.trajectory, growth=np.empty(0), path=np.empty((0, 96, 8)), status="diverged"
+    )
+    data = point_dataset(dataclasses.replace(point, trajectory=empty, mle=None, regime=None))
+    with netcdf_file(io.BytesIO(netcdf_bytes(data)), mmap=False) as file:
+        assert "path" not in file.variables and "mle" not in file.variables
+    assert "section" in loadmat(io.BytesIO(matlab_bytes(data)))
+
+
+def test_the_kind_of_a_file_is_seen(m, line, point, tmp_path):
+    save_bifurcation(line, tmp_path / "line.npz")
+    save_point(point, tmp_path / "point.npz")
+    (tmp_path / "map.nc").write_bytes(map_netcdf(m))
+    titles = [
+        result_dataset(tmp_path / name).title.split()[0]
+        for name in ("line.npz", "point.npz", "map.nc")
+    ]
+    assert titles == ["Line", "Motion", "Stability"]
+    refined = result_dataset(ARTIFACTS / REFINED)
+    assert refined.variables["mle"].values.shape == m.shape
+    for path, data, words in (
+        ("line.nc", netcdf_bytes(line_dataset(line)), "NetCDF file of no map"),
+        ("map.csv", csv_bytes(map_table(m)), "it is a table .CSV., not an NPZ"),
+        ("map.mat", matlab_bytes(map_dataset(m)), "it is a MATLAB file"),
+        ("map.h5", b"\x89HDF\r\n\x1a\n", "it is an HDF5 file"),
+    ):
+        (tmp_path / path).write_bytes(data)
+        for load in (result_dataset, load_map):
+            with pytest.raises(InputError, match=words):
+                load(tmp_path / path)
+    with pytest.raises(InputError, match="NetCDF file, of which maps alone are read"):
+        load_bifurcation(tmp_path / "line.nc")
+
+
+def test_files_are_the_same_for_the_same_result(line):
+    for write in WRITERS.values():
+        assert write(line_dataset(line)) == write(line_dataset(line))
+    assert b"2026" not in matlab_bytes(line_dataset(line))[:116]

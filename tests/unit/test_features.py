@@ -7,7 +7,9 @@ import pytest
 
 from spab_core.common.errors import InputError
 from spab_core.design.model import reference_design
+from spab_core.linear_theory import parallel_table
 from spab_core.linear_theory.linear_table import (
+    COLUMNS,
     FEATURES,
     MESH,
     PLANE,
@@ -19,6 +21,7 @@ from spab_core.linear_theory.linear_table import (
     shipped_table,
     table_for,
 )
+from spab_core.linear_theory.parallel_table import table_by_rows
 from spab_core.linear_theory.whirl import linear_spectrum
 from spab_core.shipped.manifest import load_reference_map
 
@@ -49,8 +52,17 @@ def test_linear_theory_is_the_exponent_of_a_strongly_damped_rotor():
 
 def test_a_table_of_another_design(tmp_path):
     design = reference_design().replace(rotor__shaft_stiffness=2.0e7)
-    table = linear_table(design, ((0.5, 2.0), (2.0, 4.0)), (3, 2))
+    plane = ((0.5, 2.0), (2.0, 4.0))
+    table = linear_table(design, plane, (3, 2))
     eigenvalues, _ = linear_spectrum(design, 4.0, 1.0, MESH)
+    # row by row, in any order, it is the same but for the start of each equilibrium's search
+    done = []
+    rows = table_by_rows(
+        design, plane, (3, 2), lambda calls: (f(*a) for f, a, _ in list(calls)[::-1]), done.append
+    )
+    assert np.allclose(rows.bearing_number, table.bearing_number) and sum(done) == 3
+    for name in COLUMNS:
+        assert np.allclose(getattr(rows, name), getattr(table, name), rtol=1e-6)
     assert table.rate[1, 1] == pytest.approx(2.0 * math.pi * eigenvalues[0].real, rel=1e-6)
     save_table(table, tmp_path / "t.npz")
     again = load_table((tmp_path / "t.npz").read_bytes())
@@ -60,6 +72,22 @@ def test_a_table_of_another_design(tmp_path):
         again.at(np.array([0.5]), np.array([4.0]))[0]
     )  # the nearest point of the table
     assert outside[1] == pytest.approx(again.at(np.array([1.0]), np.array([4.0]))[0])
+
+
+def test_a_row_without_equilibrium_has_the_values_of_the_nearest(design, monkeypatch):
+    def made(own, plane, nodes):
+        if plane[0][0] > 1.9:
+            raise InputError("no static equilibrium")
+        return linear_table(own, plane, nodes)
+
+    def run(calls):
+        return (f(*a) for f, a, _ in calls)
+
+    monkeypatch.setattr(parallel_table, "_one_row", made)
+    table = table_by_rows(design, ((0.5, 2.0), (2.0, 4.0)), (3, 2), run)
+    assert np.array_equal(table.rate[2], table.rate[1]) and np.isfinite(table.rate).all()
+    with pytest.raises(InputError, match="no static equilibrium"):
+        table_by_rows(design, ((2.0, 3.0), (2.0, 4.0)), (3, 2), run)
 
 
 def test_the_shipped_table_is_used_where_it_fits(monkeypatch):

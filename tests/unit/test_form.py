@@ -18,6 +18,7 @@ from spab_core.design.form import (
     from_form,
     grade_of_eccentricity,
     to_form,
+    unused,
 )
 from spab_core.design.limits import BEARING_NUMBER_RANGE
 from spab_core.design.model import (
@@ -41,16 +42,18 @@ def test_every_design_value_is_in_the_form_once():
 
 def test_the_reference_design_reads_as_on_its_drawing():
     shown = to_form(reference_design())
-    assert {name: shown[name] for name in list(shown)[:8]} == {
+    expected = {
         "bearing__radius": 60.0,
         "bearing__clearance": 35.0,
         "bearing__edge_latitude": 30.0,
         "bearing__permeability": 1.44,
         "bearing__wall_thickness": 4.5,
         "bearing__supply_pressure_ratio": 1.01325,
+        "bearing__shape": "sphere",
         "gas__viscosity": 18.5,
         "gas__ambient_pressure": 1.01325,
     }
+    assert {name: shown[name] for name in expected} == expected
     assert (
         shown["rotor__shaft_stiffness"] == 50.0 and shown["rotor__unbalance_eccentricity"] == 13.0
     )
@@ -69,7 +72,10 @@ def typed(draw):
             [
                 n
                 for n in FIELDS
-                if n not in ("bearing__radius", "contact__roughness", "contact__force_at_closure")
+                if not FIELDS[n].choices
+                and n not in ("bearing__radius", "contact__roughness", "contact__force_at_closure")
+                and n != "rotor__transverse_inertia"
+                and n not in unused(reference_design())
             ]
         )
     )
@@ -87,7 +93,12 @@ def typed(draw):
 @given(typed())
 def test_from_the_form_to_si_and_back_every_digit_stays(pair):
     name, value = pair
-    assert to_form(from_form({name: value}))[name] == value
+    base = Design()
+    if "layer" in name:  # nothing without the other
+        value = min(max(value, 1e-9), FIELDS[name].high / 5.0)
+        layer = {"bearing__layer_thickness": 1e-4, "bearing__layer_permeability": 1e-17}
+        base = base.replace(**layer)
+    assert to_form(from_form({name: value}, base))[name] == value
 
 
 @pytest.mark.parametrize(
@@ -120,7 +131,7 @@ def test_a_supply_pressure_keeps_its_bars_when_the_ambient_changes():
     "name, value, words",
     [
         ("bearing__clearance", 0.01, ["Radial clearance C", "0.01 µm", "1 to 1000 µm"]),
-        ("bearing__radius", "x", ["Sphere radius R", "mm", "'x'"]),
+        ("bearing__radius", "x", ["Radius R", "mm", "'x'"]),
         ("bearing__supply_pressure_ratio", 1000.0, ["Supply pressure", "1000 bar", "101.325 bar"]),
         (
             "rotor__shaft_stiffness",
@@ -152,11 +163,18 @@ def test_the_limits_themselves_are_allowed():
         "bearing__clearance",
         "contact__roughness",
         "contact__force_at_closure",
+        "rotor__transverse_inertia",
+        "bearing__layer_permeability",
+        "bearing__layer_thickness",
     }  # tied to another
     for field in FIELDS.values():
         ambient = 1.01325 if field.over_ambient else 1.0
-        for limit in (field.low, field.high):
-            if field.name not in alone and not (field.open_low and limit == field.low):
+        if field.name == "rotor__axial_motion":  # one value alone is allowed
+            continue
+        for limit in field.choices or (field.low, field.high):
+            if field.choices:
+                assert isinstance(from_form({field.name: limit}), Design)
+            elif field.name not in alone and not (field.open_low and limit == field.low):
                 assert isinstance(from_form({field.name: limit * ambient}), Design)
 
 
@@ -221,3 +239,15 @@ def test_presets_load_and_rest_on_their_film(name, tmp_path):
 def test_an_unknown_preset_is_told():
     with pytest.raises(InputError, match="fed_spindle"):
         preset("x")
+
+
+def test_the_form_of_a_cylinder():
+    """The shape brings its own extent; the other's is passed over, and back at its default."""
+    typed = {"bearing__shape": "cylinder", "bearing__length": 50.0, "bearing__edge_latitude": 45.0}
+    found = from_form(typed)
+    assert found.bearing.length == 0.05 and found.bearing.edge == 0.05 / 0.12
+    assert unused(found) == {"bearing__edge_latitude"}
+    back = from_form({"bearing__shape": "sphere", "bearing__length": 50.0}, found)
+    assert back == reference_design() and unused(back) == {"bearing__length"}
+    with pytest.raises(DesignError, match="Shape = 'cube' is not allowed: choose sphere, cylinder"):
+        from_form({"bearing__shape": "cube"})

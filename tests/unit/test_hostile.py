@@ -134,6 +134,19 @@ LEAST = {
         "--bearing-number": "3:4:2",
         "--out": "c.csv",
     },
+    ("design", "tolerance"): {
+        "--rotor-mass": "4",
+        "--bearing-number": "3",
+        "--machines": "2",
+        "--axis": "none",
+        "--transient": "30",
+        "--revolutions": "20",
+    },  # without a tolerance
+    ("design", "improve"): {
+        "--rotor-mass": "4",
+        "--bearing-number": "3",
+        "--vary": "bearing.clearance",
+    },  # without a range
     ("design", "map"): {"--minutes": "0", "--out": "q.npz"},  # refused
     ("dashboard",): {"--port": "0"},  # refused
     ("margin",): {"--map": "small.npz", "--rotor-mass": "4", "--bearing-number": "3"},

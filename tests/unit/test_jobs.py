@@ -17,7 +17,17 @@ from spab_core.cli.main import main
 from spab_core.common.errors import InputError
 from spab_core.jobs import store as jobs
 from spab_core.jobs.kinds import KINDS
-from spab_core.jobs.store import JobError, cancel, delete, find, job_id, list_jobs, submit
+from spab_core.jobs.store import (
+    JobError,
+    active_jobs,
+    cancel,
+    delete,
+    find,
+    job_id,
+    list_jobs,
+    rename,
+    submit,
+)
 from spab_core.maps.bifurcation import compute_bifurcation, load_bifurcation
 from spab_core.maps.stability_map import axis
 from spab_core.trajectory.point import solve_point
@@ -84,10 +94,14 @@ def test_one_runs_the_others_wait_and_a_cancel_stops_all_its_processes(root):
     until(job.id, lambda j: j.state == "running" and j.total)
     other = submit("bifurcation", LINE)
     waiting = until(other.id, lambda j: j.message)
-    assert waiting.state == "queued" and "another job" in waiting.message
+    assert waiting.state == "queued" and waiting.message == "waiting for bifurcation line to end"
     with pytest.raises(JobError, match="queued or running"):
         delete(other.id)
     until(job.id, lambda j: j.done)
+    # a point has a lane of its own
+    point = submit("point", {"rotor_mass": 4.0, "bearing_number": 3.0, "settings": TINY})
+    assert until(point.id, lambda j: not j.active).state == "done"
+    assert [j.id for j in active_jobs()] == [job.id, other.id]
     pids = [worker_of(find(name)) for name in (job.id, other.id)]
     assert len(group(pids[0])) > 1  # its own processes
     assert cancel(other.id).state == "cancelled"
@@ -282,6 +296,18 @@ def test_bad_ids_are_refused(root, name):
     for ask in (find, cancel, delete):
         with pytest.raises(JobError, match="no job's id"):
             ask(name)
+
+
+def test_a_job_has_the_name_that_it_was_given(root):
+    job = submit("bifurcation", LINE)
+    assert job.name == ""
+    rename(job.id, "  the first   try ")
+    assert find(job.id).name == list_jobs()[0].name == "the first try"
+    for wrong in (("bifurcation-" + 16 * "0", "x"), (job.id, 61 * "x"), ("x", "y")):
+        with pytest.raises(JobError):
+            rename(*wrong)
+    rename(job.id, "")
+    assert until(job.id, lambda j: not j.active).name == ""
 
 
 def test_unknown_ids(root):

@@ -23,9 +23,9 @@ EPS = np.finfo(float).eps
 
 
 class Case:
-    def __init__(self, design, mesh, tau=1.3):
-        self.film = build_film(design, 3.45, mesh)
-        self.rotor = build_rotor(design, 18.0, 3.45)
+    def __init__(self, design, mesh, offset=None, tau=1.3):
+        self.film = build_film(design, 3.45, mesh, offset)
+        self.rotor = build_rotor(design, 18.0, 3.45, room=self.film.room)
         self.system = System(self.film, self.rotor)
         self.work = build_work(self.film)
         self.n = film_size(self.film)
@@ -50,9 +50,13 @@ class Case:
         return out_v
 
 
-@pytest.fixture(params=[Mesh(3, 16), Mesh(4, 24), Mesh(2, 8), Mesh(8, 16), Mesh(5, 40)], ids=str)
+HALF = [(mesh, None) for mesh in (Mesh(3, 16), Mesh(4, 24), Mesh(2, 8), Mesh(8, 16), Mesh(5, 40))]
+WHOLE = [(Mesh(2, 16), 0.2), (Mesh(3, 24), -0.15)]  # displaced along the axis
+
+
+@pytest.fixture(params=HALF + WHOLE, ids=lambda p: f"{p[0]} {p[1] or ''}".strip())
 def case(request, design):
-    return Case(design, request.param)
+    return Case(design, *request.param)
 
 
 def test_slope_is_the_readable_formula(case):

@@ -97,7 +97,7 @@ def test_words_of_a_stable_point():
     assert found.instability.number_above.half == pytest.approx(0.05)
     rpm = m.design.speed_rpm
     assert found.headline() == (
-        "Margin: the nearest unstable point is chaotic, at 3.1 kg and "
+        "Margin: the nearest motion that is not periodic is chaotic, at 3.1 kg and "
         f"{round(rpm(3.45), -1):,.0f} rpm (mass +0.0 %, speed +1.5 %)."
     )
     assert found.sentences() == [
@@ -114,7 +114,7 @@ def test_words_of_an_unstable_point():
     m = map_of_regimes([3.0, 4.0], [1, 2, 3], [[4, 4, 0], [3, 3, 3]])
     found = margin(m, 1.0, 3.0)
     assert not found.stable and found.headline().startswith(
-        "Unstable here (touchdown): the nearest stable point is periodic-1"
+        "Not periodic here (touchdown): the nearest periodic motion is periodic-1"
     )
     assert found.sentences()[0].endswith(
         "1.5 kg below the periodic-1 band (from 2.5 ± 0.5 kg); no border down to 1 kg "
@@ -125,8 +125,8 @@ def test_words_of_an_unstable_point():
 @pytest.mark.parametrize(
     ("code", "words"),
     [
-        (0, "Margin: no unstable point anywhere in the map."),
-        (3, "Unstable here (chaotic): no stable point anywhere in the map."),
+        (0, "Margin: no motion that is not periodic anywhere in the map."),
+        (3, "Not periodic here (chaotic): no periodic motion anywhere in the map."),
     ],
 )
 def test_a_map_of_one_kind(code, words):

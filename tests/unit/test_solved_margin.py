@@ -22,6 +22,8 @@ from spab_core.maps.solved_margin import (
     ROUGH,
     Limit,
     SolvedMargin,
+    _carry_on,
+    _look,
     solve_margin,
     troubles_at_rest,
     troubles_of_motion,
@@ -104,7 +106,9 @@ def test_the_limits_of_a_fed_machine(machine):
     )
     assert machine.here.keys() >= {"resonance", "large orbit"}
     assert not limit_of(machine, "speed", "down", "resonance").begins
-    assert machine.headline().startswith("Solved margin: going up in speed, an eccentricity over")
+    assert machine.headline().startswith(
+        "Solved margin: going up in mass and speed together, an eccentricity over"
+    )
     assert "going up" in machine.headline() and "±" in machine.headline()
     up = next(text for text in machine.sentences() if text.startswith("Up in speed"))
     assert "rubbing from 22," in up and "looked at to 60,000 rpm" in up
@@ -154,7 +158,9 @@ def test_the_headline_names_the_nearest_trouble_to_be_avoided_and_what_comes_bef
     def limit(what, value, grade, begins=True):
         change = value / 4.0 - 1.0
         half = 0.01
-        return Limit("mass", "up", what, value, value - half, value + half, begins, grade, change)
+        ends = (value, value - half, value + half)
+        place = (value, 4_000.0, abs(change))
+        return Limit("mass", "up", what, *ends, begins, grade, change, *place)
 
     point = solve_point(reference_design(), 1.0, 0.5, Settings(transient=30, revolutions=20))
     far, near = limit("contact", 6.0, "avoid"), limit("raised eccentricity", 5.0, "watch")
@@ -181,15 +187,70 @@ def test_the_headline_names_the_nearest_trouble_to_be_avoided_and_what_comes_bef
 @pytest.mark.slow
 def test_a_whirl_exists_beside_period_1():
     """At 4.52 kg and Lambda 1.4 rest leads to period 1, a large orbit to a whirl of 0.83."""
-    found = solve_margin(reference_design(), 4.52, 1.4, points=2, precision=0.1)
+    found = solve_margin(reference_design(), 4.52, 1.4, points=6, precision=0.002)
     assert found.point.regime.period == 1 and found.point.max_eccentricity < 0.5
     assert found.beside.max_eccentricity == pytest.approx(0.83, abs=0.02)
     assert found.assessment.grade == "watch" and "to be watched" in found.assessment.motion
     assert "83 % of the clearance exists beside it" in found.assessment.reasons[-1]
-    assert solve_margin(reference_design(), 4.52, 1.2, points=2, precision=0.1).beside is None
+    # it ends going down in speed: runs on both sides of the limit, without the margin's bookkeeping
+    ends = limit_of(found, "speed", "down", "another motion")
+    assert not ends.begins and "83 % of the clearance" in ends.words()
+    design = reference_design()
+    for rpm, there in ((ends.low, False), (ends.high, True)):
+        number = design.bearing_number(from_rpm(rpm))
+        run = solve_point(design, 4.52, number, start=found.beside.trajectory.final)
+        assert (run.max_eccentricity > 0.8) == there
+    assert found.record()["coexisting"] == found.assessment.reasons[-1]
+
+
+def test_a_motion_is_carried_on_along_a_line():
+    """At 4.52 kg a whirl of 0.84 at Lambda 1.5 lives down to 1.35 where rest leads to period 1;
+    nothing tells the points below 1.5 of it but their neighbour.
+    """
+    design, line = reference_design(), []
+    for number in (1.28, 1.36, 1.4, 1.5):
+        point = solve_point(design, 4.52, number)
+        assert point.regime.period == 1 and point.max_eccentricity < 0.5
+        if number < 1.5:
+            vars(point)["beside"] = None
+        line.append(_look(point, Limits()))
+    assert [here.beside is not None for here in line] == [False, False, False, True]
+    carried = _carry_on(line)
+    assert [here.beside is not None for here in carried] == [False, True, True, True]
+    assert all(here.kinds["another motion"] == "watch" for here in carried[1:])
+    for here, size in zip(carried[1:], (0.820, 0.828, 0.838), strict=True):
+        assert here.beside.max_eccentricity == pytest.approx(size, abs=0.01)
+
+
+def test_next_to_where_a_period_doubles_there_is_one_motion():
+    """At 4.52 kg period 2 goes over into period 1 near Lambda 5.52, without a jump."""
+    design = reference_design()
+    one, two = (solve_point(design, 4.52, number) for number in (5.55, 5.5))
+    assert (one.regime.period, two.regime.period) == (1, 2)
+    assert not one.is_apart(two) and not two.is_apart(one)
+    assert one.is_apart(solve_point(design, 4.52, 3.45))  # period 2 of 0.87
+
+
+@pytest.mark.slow
+def test_mass_and_speed_at_once(machine):
+    """Limits on the diagonals are where single runs have them, and nearer than along the axes."""
+    limit = limit_of(machine, "both", "up", "contact")
+    for factor, there in ((limit.low, False), (limit.high, True)):
+        number = MACHINE.bearing_number(from_rpm(20000.0 * factor))
+        point = solve_point(MACHINE, 4.0 * factor, number)
+        assert ("contact" in troubles_of_motion(MACHINE, point.motion)) == there
+    assert limit.rotor_mass == pytest.approx(4.0 * limit.value)
+    assert limit.speed_rpm == pytest.approx(20000.0 * limit.value)
+    assert limit.distance == pytest.approx(math.sqrt(2.0) * (limit.value - 1.0))
+    assert limit.value - 1.0 < limit_of(machine, "speed", "up", "contact").change
+    other = limit_of(machine, "both", "speed up", "contact")
+    assert other.rotor_mass < 4.0 and other.rotor_mass * other.speed_rpm == pytest.approx(80000.0)
+    assert [x.distance for x in machine.limits] == sorted(x.distance for x in machine.limits)
+    assert "up in mass and speed together" in machine.headline()
 
 
 def test_a_point_at_the_end_of_what_is_allowed():
+    told = []
     found = solve_margin(
         reference_design(),
         1e-3,
@@ -197,8 +258,12 @@ def test_a_point_at_the_end_of_what_is_allowed():
         Settings(transient=30, revolutions=20),
         points=2,
         precision=0.1,
+        report=told.append,
     )
-    assert [line.points for line in found.lines] == [0, 2, 0, 2]
+    assert [line.points for line in found.lines] == [0, 2, 0, 2, 0, 1, 0, 0]
+    # told while it grows: first the lines
+    assert [m.solved for m in told] == sorted(m.solved for m in told) and told[0].solved == 6
+    assert (told[-1].limits, told[-1].solved) == (found.limits, found.solved)
     assert any(
         text.startswith("Down in mass: nothing beyond 0.001 kg") for text in found.sentences()
     )
@@ -230,8 +295,9 @@ def test_wrong_numbers_are_refused(change, words):
 )
 def test_words_of_a_limit(low, high, words):
     middle = 0.5 * (low + high)
+    change = middle / 20000.0 - 1.0
     limit = Limit(
-        "speed", "up", "contact", middle, low, high, True, "avoid", middle / 20000.0 - 1.0
+        *("speed", "up", "contact", middle, low, high, True, "avoid"), change, 4.0, middle, change
     )
     assert limit.words() == words
     ends = dataclasses.replace(limit, begins=False)

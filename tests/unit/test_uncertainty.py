@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from spab_core.common.errors import InputError
 from spab_core.linear_theory.linear_table import LinearFeatures, shipped_table
+from spab_core.surrogates.assessment_trees import assessment_scores, predict_assessments
 from spab_core.surrogates.classifier import predict_regimes, regimes_by_threshold
 from spab_core.surrogates.metrics import evaluate, regime_scores, uncertainty_scores
 from spab_core.surrogates.models import model, predict_map, solved_cells
@@ -22,6 +23,7 @@ from spab_core.surrogates.uncertainty import (
     save_intervals,
     uncertain_map,
 )
+from spab_core.trajectory.assessment import GRADES
 from spab_core.trajectory.lyapunov import Exponent
 from tests.maps import map_of, striped_map, with_hole
 
@@ -45,6 +47,17 @@ def test_the_classifier_finds_slanted_borders():
     assert found.probability[tested].sum(axis=1) == pytest.approx(1.0)
     again = predict_regimes(m, 4, seed=1)
     assert np.array_equal(found.probability, again.probability, equal_nan=True)
+
+
+def test_the_classifier_of_the_assessment_is_right_on_held_out_cells_and_rarely_too_kind():
+    m = with_hole(striped_map())
+    found = predict_assessments(m, 4, seed=1)
+    scores, known = assessment_scores(m, found), np.isfinite(m.mle)
+    assert scores["assessment_accuracy"] > 0.97
+    assert scores["good_precision"] > 0.95 and scores["avoid_called_good"] < 0.05
+    assert np.allclose(found.probability[known].sum(-1), 1.0)
+    assert np.isin(found.assessment[known], GRADES).all() and not found.assessment[~known].any()
+    assert np.array_equal(found.held_out, predict_regimes(m, 4, seed=1).held_out)
 
 
 def test_a_map_with_one_regime_only():

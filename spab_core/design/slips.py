@@ -1,0 +1,185 @@
+"""Likely slips in a design: another unit than the file's, a decimal comma, a diametral clearance.
+
+Nothing here refuses a value; it says in a sentence what may have been meant.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Iterable, Mapping
+
+# usual values in the unit of the file, and what one of another unit is in it; a value outside the
+# usual range is doubted. Keys that are not listed are not looked at.
+USUAL: dict[str, tuple[float, float, dict[str, float]]] = {
+    "bearing.radius": (0.003, 0.3, {"mm": 1e-3, "cm": 1e-2}),
+    "bearing.clearance": (2e-6, 2e-4, {"µm": 1e-6, "mm": 1e-3}),
+    "bearing.edge_latitude": (5.0, 89.5, {"radians": 180.0 / math.pi}),
+    "bearing.permeability": (0.0, 1e-11, {"10⁻¹⁵ m²": 1e-15, "darcy": 9.869233e-13}),
+    "bearing.wall_thickness": (5e-4, 0.03, {"mm": 1e-3}),
+    "bearing.supply_pressure_ratio": (1.0, 20.0, {"Pa": 1.0 / 101325.0}),
+    "gas.viscosity": (5e-6, 1e-4, {"mPa s (cP)": 1e-3, "µPa s": 1e-6}),
+    "gas.ambient_pressure": (
+        2e4,
+        2e6,
+        {"mbar (hPa)": 1e2, "bar": 1e5, "kPa": 1e3, "MPa": 1e6, "atm": 101325.0},
+    ),
+    "rotor.shaft_stiffness": (1e5, 1e11, {"N/µm": 1e6, "N/mm": 1e3}),
+    "rotor.journal_mass_fraction": (0.01, 0.99, {"%": 1e-2}),
+    "rotor.unbalance_eccentricity": (0.0, 1e-4, {"µm": 1e-6, "mm": 1e-3}),
+}
+LARGEST_CLEARANCE = 1.1e-3  # radial, over the radius; bearings of this kind have 0.3e-3 to 1e-3
+_RATIO = "bearing.supply_pressure_ratio"
+_SPELLINGS = {  # of a unit behind a number, in lower case
+    **dict.fromkeys(("um", "µm", "micron", "microns", "mikrometer"), 1e-6),
+    "mm": 1e-3,
+    "cm": 1e-2,
+    **dict.fromkeys(("m", "pa", "n/m", "deg", "°", "pa s", "pa*s", "m2", "m²", "m^2"), 1.0),
+    "bar": 1e5,
+    **dict.fromkeys(("mbar", "hpa"), 1e2),
+    "kpa": 1e3,
+    "rad": 180.0 / math.pi,
+    "%": 1e-2,
+    **dict.fromkeys(("n/um", "n/µm"), 1e6),
+    "n/mm": 1e3,
+    "cp": 1e-3,
+}
+_NUMBER = r"[+-]?\d*[.,]?\d+(?:[eE][+-]?\d+)?"
+
+
+def meant(key: str, value: float, low: float = -math.inf, high: float = math.inf) -> str:
+    """What a value was meant as, if another unit makes it a usual one from ``low`` to ``high``.
+
+    Parameters
+    ----------
+    key : str
+        ``section.key`` of a design file.
+    value : float
+        As it is in the file.
+
+    Returns
+    -------
+    str
+        Such as "if that is in mm, write 0.04"; "" where nothing is known.
+    """
+    if key not in USUAL or not math.isfinite(value):
+        return ""
+    least, most, units = USUAL[key]
+    digits = max(3, len(re.sub(r"e.*|\D", "", repr(value)).strip("0")))
+    for unit, factor in units.items():
+        if value and max(least, low) <= value * factor <= min(most, high):
+            return f"if that is in {unit}, write {value * factor:.{digits}g}"
+    return ""
+
+
+def doubts(values: Mapping[str, float], units: Mapping[str, str]) -> list[str]:
+    """Return what looks like a slip, in sentences without a full stop.
+
+    Parameters
+    ----------
+    values : mapping
+        Values of a whole design by ``section.key``, in the units of the file.
+    units : mapping
+        Those units.
+    """
+    found = []
+    for key, (least, most, _) in USUAL.items():
+        value = values.get(key)
+        if value is None or least <= value <= most or not math.isfinite(value):
+            continue
+        unit = f" {units[key]}" if units.get(key) else ""
+        said = f"{key} = {value:g}{unit} is unusual (usual: {least:g} to {most:g}{unit})"
+        if key == _RATIO and value < 1.0:
+            said = (
+                f"{key} = {value:g} is suction: it is the absolute supply pressure over the "
+                "ambient one; if that is in MPa over ambient, write "
+                f"{_ratio(values, value * 1e6):.4g}, if in bar over ambient, "
+                f"{_ratio(values, value * 1e5):.4g}"
+            )
+        elif hint := meant(key, value):
+            said += f": {hint}"
+        found.append(said)
+    radius, clearance = values.get("bearing.radius"), values.get("bearing.clearance")
+    if radius and clearance and clearance > LARGEST_CLEARANCE * radius and not found:
+        found.append(
+            f"bearing.clearance = {clearance:g} m is 1/{radius / clearance:.0f} of the radius, "
+            "more than usual (1/1000): it is the radial clearance; if that is the diametral one, "
+            f"write {0.5 * clearance:g}"
+        )
+    return found
+
+
+def _ratio(values: Mapping[str, float], gauge: float) -> float:
+    ambient = values.get("gas.ambient_pressure", 101325.0)
+    return 1.0 + gauge / ambient
+
+
+def near(word: str, allowed: Iterable[str]) -> str:
+    """Return "; is X meant?" for the allowed word that is nearest, if one is near."""
+    found = difflib.get_close_matches(word.lower(), list(allowed), 1, 0.75)
+    return f"; is {found[0]} meant?" if found else ""
+
+
+def text_hint(key: str, text: str, low: float, high: float) -> str:
+    """What a text in place of a number was meant as; "" where it does not tell.
+
+    Parameters
+    ----------
+    key : str
+        ``section.key``.
+    text : str
+        Such as "25 um".
+    low, high : float
+        Allowed range.
+    """
+    if text.strip().lower() in ("rigid", "inf", "infinity", "starr") and high >= 1e6:
+        return "for a rigid shaft write inf, without quotes"
+    found = re.fullmatch(rf"\s*({_NUMBER})\s*(.*?)\s*", text)
+    if not found:
+        return ""
+    value, unit = float(found[1].replace(",", ".")), found[2].replace("μ", "µ").strip("[]()")
+    if not unit:
+        return f"write {found[1].replace(',', '.')}, without quotes"
+    # MPa and mPa differ by nothing but a capital letter
+    factor = {"MPa": 1e6, "mPa s": 1e-3, "mPa*s": 1e-3, "µPa s": 1e-6}.get(unit)
+    factor = _SPELLINGS.get(unit.lower()) if factor is None else factor
+    if factor is None or not low <= value * factor <= high:
+        return "write the number alone, in the unit of the file"
+    return f"write {value * factor:.6g}, the number alone"
+
+
+def syntax_hint(text: str, message: str) -> str:
+    """What is wrong with the line of a TOML text that a parser's message names, and what to write;
+    "" where it is nothing known.
+    """
+    if text.lstrip().startswith("{"):
+        return "it is JSON"
+    found = re.search(r"at line (\d+)", message)
+    lines = text.split("\n")
+    if not found or not 1 <= int(found[1]) <= len(lines):
+        return ""
+    line = lines[int(found[1]) - 1].split("#")[0]
+    if re.search(r"[\u00a0\u2007\u202f\u2009]", line):
+        return "the line has a blank of another kind (non-breaking): type it again"
+    parts = line.partition("=")
+    if not parts[1]:
+        return ""
+    value = parts[2].strip()
+    if "overwrite" in message:
+        return f"{parts[0].strip()} stands twice, or as a value and a section"
+    if re.fullmatch(r"[+-]?\d+,\d+([eE][+-]?\d+)?", value):
+        return f"the decimal sign is a point: {value.replace(',', '.')}"
+    if re.fullmatch(r"[+-]?\.\d+([eE][+-]?\d+)?", value):
+        return f"a digit is missing before the point: {value.replace('.', '0.', 1)}"
+    if re.fullmatch(r"[+-]?\d+\.([eE][+-]?\d+)?", value):
+        return f"a digit is missing behind the point: {value.replace('.', '.0', 1)}"
+    if re.fullmatch(r"[+-]?[\d.]+[dD][+-]?\d+", value):
+        return f"the exponent begins with e: {re.sub('[dD]', 'e', value)}"
+    if re.fullmatch(r"[+-]?0\d+(\.\d+)?", value):
+        return f"a number does not begin with 0: {value.lstrip('+0') or '0'}"
+    if re.fullmatch(rf"{_NUMBER}\s*[^\W\d_%°²].*|{_NUMBER}\s*[%°].*", value):
+        return "the number stands alone, in the unit of the file (m, deg, Pa, Pa s, N/m)"
+    if re.fullmatch(r"[A-Za-z ]+", value):
+        return "a value is a number; inf is a rigid shaft"
+    return ""

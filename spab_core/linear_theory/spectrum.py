@@ -1,0 +1,203 @@
+"""Eigenvalues of film, wall and rotor, where the wall stores gas: of a system too large for dense
+linear algebra in which every node's column of the wall is eliminated exactly.
+
+At a complex frequency p the columns leave a system of the film's own size (:class:`GasSystem`).
+What the film answers to the journal's displacement at many frequencies spans a space in which the
+whole system has a few dozen unknowns (rational Krylov space; Ruhe, Linear Algebra Appl. 58, 1984,
+391): it has the dynamic stiffness of the whole at these frequencies. Some vectors of inverse
+iteration add the slowest flows in the wall. Every eigenvalue found there is then taken to one of
+the whole system by inverse iteration; one that does not come to rest is dropped, unless it
+grows."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.linalg import lu_factor, lu_solve
+
+from spab_core.common.threads import one_thread
+from spab_core.solver.film import film_array, film_size, gas_array, gas_size, thickness
+from spab_core.solver.slope import slope_and_jacobian
+from spab_core.solver.system import System
+
+SLOWEST, SHIFTS_A_DECADE = 0.01, 6  # frequencies over the shaft speed of the space
+FASTEST = 30.0  # the last of them, unless a faster one is asked for
+_INVERSE_ITERATIONS = 12
+# as many eigenvalues are taken to the whole system's; within this share of their size
+_MOST, _DECAYS, _AT_REST, _STEPS = 16, 3, 1e-9, 8
+_SAME = 1e-6
+
+
+class GasSystem:
+    """Solves (p I - A) x = r for the linearised film and wall, A their Jacobian.
+
+    Parameters
+    ----------
+    jacobian : ndarray, (n, n)
+        A: the film's M N entries, then the wall's, plane by plane.
+    nodes : int
+        M N.
+    """
+
+    def __init__(self, jacobian: np.ndarray, nodes: int) -> None:
+        self.film = jacobian[:nodes, :nodes]
+        parts = len(jacobian) // nodes
+        columns = np.einsum("aibi->iab", jacobian.reshape(parts, nodes, parts, nodes))
+        self.wall, self.inward = columns[:, 1:, 1:], columns[:, 0, 1:]
+        self.outward, self.nodes = columns[:, 1:, 0], nodes
+
+    def solve(self, p: complex, right: np.ndarray) -> np.ndarray:
+        """Return x, (n, c), for the right-hand sides (n, c)."""
+        m, count = self.nodes, self.wall.shape[1]
+        inverse = np.linalg.inv(p * np.eye(count) - self.wall)
+        answer = np.einsum("mkl,ml->mk", inverse, self.outward)
+        matrix = p * np.eye(m) - self.film
+        matrix[np.diag_indices(m)] -= np.einsum("mk,mk->m", self.inward, answer)
+        columns = right[m:].reshape(count, m, -1)
+        alone = np.einsum("mkl,lmc->kmc", inverse, columns)
+        sides = right[:m] + np.einsum("mk,kmc->mc", self.inward, alone)
+        film = lu_solve(lu_factor(matrix), sides)
+        wall = alone + answer.T[:, :, None] * film
+        return np.asarray(np.concatenate([film, wall.reshape(count * m, -1)]))
+
+
+def _weights(system: System, state: np.ndarray) -> np.ndarray:
+    """Return the root of each gas entry's share of a norm in which flow only dissipates: area and
+    capacity times dQ over the change of the entry.
+    """
+    film = system.film
+    gas = gas_array(film, state)
+    h = thickness(film, *state[gas_size(film) :][:2])
+    shares = [2.0 * film_array(film, state) / h**2]
+    shares += [2.0 * c * p for c, p in zip(film.capacity, gas[1:], strict=True)]
+    whole = np.concatenate([(film.area[:, None] * share).ravel() for share in shares])
+    return np.asarray(np.sqrt(whole))
+
+
+@one_thread
+def leading_eigenpairs(
+    system: System, state: np.ndarray, slowest: float = SLOWEST, fastest: float = FASTEST
+) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues of the whole system linearised about a state, those whose real part is largest.
+
+    Parameters
+    ----------
+    system : System
+        Whose wall stores gas.
+    state : ndarray
+    slowest, fastest : float
+        Frequencies over the shaft speed between which the rotor's vibrations are sought.
+
+    Returns
+    -------
+    values : ndarray of complex, (k,)
+        Per unit tau, real part falling, imaginary part at least 0: of a pair one.
+    vectors : ndarray of complex, (unknowns, k)
+    """
+    places = system.unknowns
+    _, jacobian = slope_and_jacobian(system, state, places)
+    whole = np.ascontiguousarray(jacobian[places])
+    return coupled_eigenpairs(whole, system, state, slowest, fastest)
+
+
+def coupled_eigenpairs(
+    whole: np.ndarray,
+    system: System,
+    state: np.ndarray,
+    slowest: float = SLOWEST,
+    fastest: float = FASTEST,
+) -> tuple[np.ndarray, np.ndarray]:
+    """:func:`leading_eigenpairs` of a system's film and wall with any rotor: ``whole`` is the
+    Jacobian, the gas before the rotor's unknowns, whose first two are the displacement in the film.
+    """
+    n = gas_size(system.film)
+    gas = GasSystem(whole[:n, :n], film_size(system.film))
+    drive = whole[:n, n : n + 2]
+    # springs over masses bound the frequency of whatever vibrates on them
+    fastest = max(fastest, 2.0 * math.sqrt(np.abs(whole[n:, n:]).max()))
+    weights = _weights(system, state)
+    space = _space(gas, drive, slowest, fastest) * weights[:, None]
+    left, sizes, _ = np.linalg.svd(space / np.linalg.norm(space, axis=0), full_matrices=False)
+    basis = left[:, sizes > 1e-10 * sizes[0]]
+    # the small system: coordinates in the space, then the rotor as it is
+    lifted = basis / weights[:, None]
+    images = whole[:, :n] @ lifted
+    inside = basis.T * weights
+    small = np.block([[inside @ images[:n], inside @ whole[:n, n:]], [images[n:], whole[n:, n:]]])
+    values, vectors = np.linalg.eig(small)
+    found: list[tuple[complex, np.ndarray]] = []
+    r = basis.shape[1]
+    for k in _wanted(values):
+        guess = np.concatenate([lifted @ vectors[:r, k], vectors[r:, k]])
+        pair = _refined(gas, whole, complex(values[k]), guess)
+        if pair is None and values[k].real > 0.0:  # rather a growth in doubt than none
+            pair = complex(values[k]), guess
+        if pair and not any(abs(pair[0] - other) < _SAME * abs(other) for other, _ in found):
+            found.append(pair)
+    found.sort(key=lambda pair: -pair[0].real)
+    return np.array([value for value, _ in found]), np.array([v for _, v in found]).T
+
+
+def _wanted(values: np.ndarray) -> list[int]:
+    """Return the places of what may swing or grow, and of the slowest decays."""
+    order = [k for k in np.argsort(-values.real) if values[k].imag >= 0.0]
+    swings = [k for k in order if -values[k].real < values[k].imag]
+    return [*swings[:_MOST], *[k for k in order if k not in swings][:_DECAYS]]
+
+
+@one_thread
+def eigenvalues(
+    system: System, state: np.ndarray, slowest: float = SLOWEST, fastest: float = FASTEST
+) -> np.ndarray:
+    """Eigenvalues per unit tau of the whole system linearised about a state: all of them, or, where
+    the wall stores gas, those of :func:`leading_eigenpairs`, whose parameters these are.
+    """
+    if system.film.depth:
+        return leading_eigenpairs(system, state, slowest, fastest)[0]
+    unknowns = system.unknowns
+    return np.linalg.eigvals(slope_and_jacobian(system, state, unknowns)[1][unknowns])
+
+
+def _space(gas: GasSystem, drive: np.ndarray, slowest: float, fastest: float) -> np.ndarray:
+    """Return vectors, by columns, that span the space."""
+    count = 2 + math.ceil(SHIFTS_A_DECADE * math.log10(fastest / slowest))
+    answers = [gas.solve(1j * nu, drive) for nu in np.geomspace(slowest, fastest, count)]
+    columns = [part for answer in answers for part in (answer.real, answer.imag)]
+    vector = np.random.default_rng(0).standard_normal((len(drive), 1))
+    for _ in range(_INVERSE_ITERATIONS):
+        vector = gas.solve(0.0, vector)
+        vector = vector / np.linalg.norm(vector)
+        columns.append(vector)
+    return np.concatenate([gas.solve(0.0, drive), *columns], axis=1)
+
+
+def _refined(
+    gas: GasSystem, whole: np.ndarray, value: complex, vector: np.ndarray
+) -> tuple[complex, np.ndarray] | None:
+    """Take an eigenpair to one of the whole system by inverse iteration; None where it does not
+    come to rest near by.
+    """
+    n, start = len(gas.film) * (1 + gas.wall.shape[1]), value
+    rotor = whole[n:, n:]
+    vector = vector / np.linalg.norm(vector)
+    for _ in range(_STEPS):
+        sides = np.concatenate([vector[:n, None], whole[:n, n:]], axis=1)
+        answers = gas.solve(value, sides)
+        own, driven = answers[:, :1], answers[:, 1:]
+        border = value * np.eye(len(rotor)) - rotor - whole[n:, :n] @ driven
+        try:
+            moved = np.linalg.solve(border, vector[n:, None] + whole[n:, :n] @ own)
+        except np.linalg.LinAlgError:  # it is one to the last bit
+            return value, vector
+        image = np.concatenate([own + driven @ moved, moved])[:, 0]
+        change = -1.0 / np.vdot(vector, image)
+        # (value I - J) image = vector: the eigenvalue lies at value - 1 / <vector, image>
+        value, vector = value + change, image / np.linalg.norm(image)
+        if not np.isfinite(value) or abs(value - start) > 0.1 * max(abs(start), 1e-3):
+            return None
+        if abs(change) < _AT_REST * abs(value):
+            if abs(value.imag) < _SAME * abs(value):
+                value = complex(value.real)
+            return (value, vector) if value.imag >= 0.0 else None
+    return None

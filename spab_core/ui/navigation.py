@@ -1,0 +1,75 @@
+"""The sidebar: what this is for, and the pages under their headings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import streamlit as st
+from streamlit.runtime.scriptrunner import get_script_run_ctx
+
+NAME, PURPOSE = "spab", "will my rotor on porous gas bearings run quietly, and how far is trouble?"
+START = "Start"
+SECTIONS: dict[str, dict[str, str]] = {  # names of files in pages/, without their numbers; "": home
+    "My machine": {
+        "": START,
+        "My_bearing": "All values of the design",
+        "Operating_point": "Motion in detail",
+        "Bifurcation": "Speed and mass sweeps",
+        "My_map": "Stability map",
+        "What_if": "What if",
+        "Tolerances_and_improvements": "Tolerances, better drawings",
+        "Report": "Report and saved results",
+    },
+    "Research": {
+        "Reproduce_the_paper": "Reproduce the paper",
+        "Surrogate_map": "Surrogate maps",
+        "Model_ranking": "Model ranking",
+        "Where_to_solve_next": "Where to solve next",
+    },
+    "Reference": {"About_the_model": "Model and validation"},
+}
+LABELS = {name: label for pages in SECTIONS.values() for name, label in pages.items()}
+
+
+def page_path(name: str) -> str | None:
+    """Return the script of a page as ``st.page_link`` and ``st.switch_page`` take it.
+
+    Parameters
+    ----------
+    name : str
+        Of ``pages/<number>_<name>.py``; "" is the home page.
+
+    Returns
+    -------
+    str or None
+        None where there is no such page, as where a page is run by itself.
+    """
+    context = get_script_run_ctx()
+    if context is None:
+        return None
+    home = Path(context.main_script_path)
+    if not (home.parent / "pages").is_dir():
+        return None
+    if not name:
+        return home.name
+    found = sorted(home.parent.glob(f"pages/*_{name}.py"))
+    return f"pages/{found[0].name}" if found else None
+
+
+def page_link(name: str, label: str = "") -> None:
+    """Show a link to a page (:func:`page_path`); nothing where there is no such page."""
+    if path := page_path(name):
+        st.page_link(path, label=label or LABELS[name])
+
+
+def sidebar(below: Callable[[], None]) -> None:
+    """Show the name, the purpose and the links; ``below`` draws what stands under them."""
+    with st.sidebar:
+        st.markdown(f"**{NAME}**: {PURPOSE}")
+        for heading, pages in SECTIONS.items():
+            with st.container(key=f"nav_{heading.lower().replace(' ', '_')}", gap=None):
+                st.markdown(f"## {heading}")
+                for name, label in pages.items():
+                    page_link(name, label)
+        below()

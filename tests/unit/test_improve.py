@@ -1,0 +1,183 @@
+"""Better drawings: the front against brute force, predictions against solved machines, a whole
+search in small.
+"""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from spab_core.cli.main import main
+from spab_core.common.errors import InputError
+from spab_core.design.presets import PRESETS
+from spab_core.design.tolerances import Machine, parse_ranges, parse_tolerances, ranges_text
+from spab_core.drawings import improve as better
+from spab_core.drawings.improve import (
+    Holds,
+    Space,
+    front_of,
+    improve,
+    load_improvement,
+    save_improvement,
+)
+from spab_core.drawings.look import OVERLOADED, Look, look_at
+from spab_core.drawings.screening import screen
+from spab_core.linear_theory.equilibrium import static_equilibrium
+from spab_core.trajectory.assessment import AVOID, GOOD
+
+SPINDLE = Machine(PRESETS["fed_spindle_layered"].design, 4.0, 30000.0)
+RANGES = {"bearing__clearance": (20.0, 32.0), "bearing__layer_permeability": (0.01, 0.1)}
+
+
+def test_a_front_is_what_nobody_beats():
+    rng = np.random.default_rng(0)
+    costs, missed = rng.random((60, 2)).round(1), np.where(rng.random(60) < 0.3, 0.1, 0.0)
+    front = front_of(costs, missed)
+    allowed = np.flatnonzero(missed == 0.0)
+    beaten = {
+        k
+        for k in allowed
+        for other in allowed
+        if (costs[other] <= costs[k]).all() and (costs[other] < costs[k]).any()
+    }
+    best = {tuple(costs[k]) for k in allowed if k not in beaten}
+    assert {tuple(costs[k]) for k in front} == best and len(front) == len(best)
+    assert (np.diff(costs[front, 0]) > 0).all() and (np.diff(costs[front, 1]) < 0).all()
+    assert not len(front_of(costs, np.ones(60)))
+
+
+def test_places_and_values():
+    space = Space(SPINDLE, RANGES)
+    assert space.values(np.array([0.5, 0.5])) == {
+        "bearing__clearance": 26.0,
+        "bearing__layer_permeability": pytest.approx(
+            math.sqrt(0.001), rel=1e-5
+        ),  # in the logarithm
+    }
+    for place in ([0.0, 0.0], [1.0, 1.0], [0.3, 0.7]):
+        assert space.place(space.values(np.array(place))) == pytest.approx(place, abs=1e-5)
+    assert space.machine_at(np.array([0.0, 0.0])).design.bearing.clearance == 20e-6
+    assert parse_ranges(ranges_text(RANGES)) == RANGES
+
+
+def test_a_prediction_is_near_what_is_solved():
+    """Linear theory for a small unbalance, on another mesh than the solver's equilibrium."""
+    small = SPINDLE.replace({"rotor__unbalance_eccentricity": 0.2})
+    for machine, near in ((small, 0.02), (SPINDLE, 0.1)):
+        said, solved = screen(machine, Look("speed", 1.2)), look_at(machine, Look(""))
+        assert said["eccentricity"] == pytest.approx(solved["eccentricity"], rel=near)
+        assert said["gas_flow"] == pytest.approx(solved["gas_flow"], rel=1e-3)
+        assert said["stiffness"] == pytest.approx(solved["stiffness"], rel=1e-3)
+        assert said["grade"] == solved["grade"] == GOOD
+    resonant = SPINDLE._replace(speed_rpm=20000.0)
+    assert screen(resonant, Look())["grade"] == look_at(resonant, Look(""))["grade"] == AVOID
+
+
+def test_the_load_that_must_hold():
+    fit = SPINDLE._replace(rotor_mass=10.0)
+    number = fit.bearing_number
+    most = max(
+        k
+        for k in range(1, 60)
+        if (found := static_equilibrium(fit.design, 10.0 * k, number)) and found.eccentricity < 0.8
+    )
+    for load, grade in ((most, GOOD), (most + 1, AVOID)):
+        assert Look(load=load).carries(fit) == (grade == GOOD)
+    row = look_at(fit, Look("", load=most + 1))
+    assert (row["grade"], row["trouble"]) == (AVOID, OVERLOADED)
+
+
+def test_what_must_hold():
+    rows = {
+        "grade": np.array([0, 0, 0, 1, 0]),
+        "eccentricity": np.array([0.1, 0.1, 0.1, 0.6, math.nan]),
+        "gas_flow": np.array([5.0, 12.0, 5.0, 5.0, math.nan]),
+        "stiffness": np.array([2e7, 2e7, 5e6, 2e7, 2e7]),
+        "least_film": np.full(5, 8e-6),
+    }
+    missed = Holds(gas_flow=10.0, stiffness=1e7).violation(rows)
+    allowed = Holds("watch").violation(rows)
+    assert allowed.tolist() == [0.0] * 5
+    assert missed.tolist() == pytest.approx([0.0, 0.2, 0.5, 1.3, 3.0])
+    with pytest.raises(InputError, match="gas flow"):
+        Holds(gas_flow=-1.0)
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """A search of some dozen machines."""
+    for name, value in (
+        ("FIRST", 16),
+        ("SURVIVORS", 8),
+        ("POPULATION", 6),
+        ("CAPS", 2),
+        ("FRONT", 3),
+        ("DRAWN", 8),
+        ("SCREENED_RANGE", (1, 1000)),
+        ("SOLVED_RANGE", (1, 1000)),
+    ):
+        monkeypatch.setattr(better, name, value)
+
+
+@pytest.mark.slow
+def test_a_search_in_small(small, tmp_path):
+    given = parse_tolerances({"bearing.clearance": "± 1 µm"})
+    look, ran = Look("speed", 1.1), []
+    asked = (SPINDLE, RANGES, ("film", "flow"), look, Holds(), given)
+    kept = {"screened": 28, "solved": 20, "seed": 1, "checkpoint": tmp_path / "parts"}
+    found = improve(*asked, **kept, progress=ran.append)
+    assert found.screened <= 40 and found.solved <= 32 and sum(ran) <= better.steps(28, 20, True)
+    assert 1 <= found.count <= 3 and (found.rows["grade"] == GOOD).all()
+    # the front's machines are what they are said to be, and no worse than the one to begin with
+    k = found.best
+    again = look_at(found.machine_at(k), look)
+    for name in ("gas_flow", "least_film", "margin", "ends"):
+        assert again[name] == pytest.approx(found.rows[name][k])
+    inside = (found.values >= [20.0, 0.01]).all() and (found.values <= [32.0, 0.1]).all()
+    assert inside and found.before["grade"] == GOOD
+    assert found.rows["gas_flow"].min() < found.before["gas_flow"]
+    assert found.rows["least_film"].max() > found.before["least_film"]
+    assert found.confirmed.any() and (found.finer["grade"] >= 0).all()
+    assert ((found.shares >= 0.0) & (found.shares <= 1.0)).all()
+    ran.clear()
+    twice = improve(*asked, **kept, progress=ran.append)  # nothing is solved again
+    assert twice.values.tolist() == found.values.tolist()
+    assert twice.rows["seconds"].tolist() == found.rows["seconds"].tolist()
+    save_improvement(found, tmp_path / "front.json")
+    back = load_improvement(tmp_path / "front.json")
+    assert json.dumps(back.record(), allow_nan=False) == json.dumps(found.record())
+    assert any("What was bought" in text for text in back.sentences())
+    (tmp_path / "front.json").write_text("[]")
+    with pytest.raises(InputError, match="cannot read"):
+        load_improvement(tmp_path / "front.json")
+
+
+@pytest.mark.slow
+def test_where_nothing_is_good_that_is_said(small):
+    hot = SPINDLE._replace(speed_rpm=20000.0)  # on a resonance wherever this may move
+    found = improve(
+        hot, {"bearing__clearance": (24.9, 25.1)}, look=Look("speed", 1.05), screened=28, solved=20
+    )
+    assert found.count == 0 and found.best is None
+    assert "No drawing" in found.sentences()[-1]
+    assert json.dumps(found.record(), allow_nan=False)
+
+
+def test_the_command_refuses_in_a_sentence(capsys):
+    machine = ["design", "improve", "--rotor-mass", "4", "--rpm", "30000"]
+    clearance = ["--vary", "bearing.clearance", "20:30 µm"]
+    for more, word in (
+        (["--vary", "bearing.clearance", "20:30"], "not understood"),
+        (["--vary", "bearing.shape", "1:2"], "there is no value"),
+        (["--vary", "bearing.clearance", "20:4000 µm"], "reaches 4000"),
+        (clearance * 2, "given twice"),
+        ([*clearance, "--wish", "flow"], "two different wishes"),
+        ([*clearance, "--wish", "flow", "--wish", "beauty"], "wish"),
+        ([*clearance, "--solved", "3"], "solved"),
+        ([*clearance, "--most-gas-flow", "-3"], "gas flow"),
+        ([*clearance, "--load", "0.5"], "load"),
+    ):
+        assert main(machine + more) == 2
+        err = capsys.readouterr().err
+        assert word in err and "Traceback" not in err, err
