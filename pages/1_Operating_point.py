@@ -9,6 +9,7 @@ from typing import Literal
 import plotly.graph_objects as go
 import streamlit as st
 
+from spab_core.common.words import capital
 from spab_core.design.model import reference_design
 from spab_core.plotting import point as draw
 from spab_core.trajectory.point import OperatingPoint
@@ -71,9 +72,7 @@ points = []
 for box, (one, at, words, key) in zip(st.columns(len(sides), gap="medium"), sides, strict=True):
     with box, errors_in_words():
         if compare:
-            st.markdown(
-                f"**{words[0].upper()}{words[1:]}**: Λ {at:.3f}, {one.speed_rpm(at):,.0f} rpm"
-            )
+            st.markdown(f"**{capital(words)}**: Λ {at:.3f}, {one.speed_rpm(at):,.0f} rpm")
         point = ui.solved_point(one, mass, at, settings, key)
         points.append(point)
         if point is not None:

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import streamlit as st
 
+from spab_core.common.words import capital
 from spab_core.jobs.kinds import SAMPLES
 from spab_core.plotting.surrogates import fraction_figure
 from spab_core.surrogates.models import DIVISORS, MODELS
@@ -189,11 +190,11 @@ if file is not None:
         )
         whose = design_words()
         st.caption(
-            f"{len(samples.mle):,} points{dropped}. {whose[0].upper()}{whose[1:]} gives the linear "
+            f"{len(samples.mle):,} points{dropped}. {capital(whose)} gives the linear "
             "theory that some models start from."
         )
         for note in samples.notes:
-            st.warning(f"{note[0].upper()}{note[1:]}{'' if note.endswith('?') else '.'}")
+            st.warning(f"{capital(note)}{'' if note.endswith('?') else '.'}")
         job = job_panel(
             "ranking",
             {

@@ -21,6 +21,7 @@ from spab_core.cli.point import assessment_lines
 from spab_core.cli.progress import say_compiling
 from spab_core.common.errors import InputError
 from spab_core.common.files import check_output
+from spab_core.common.words import capital
 from spab_core.design.form import bearing_number_of
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design, save_design
@@ -216,12 +217,10 @@ def _lines(d: Derived) -> list[str]:
         f"Unbalance: balance quality G {d.balance_grade:.3g} mm/s at this speed",
     ]
     if d.gas_flow is None or d.coefficients is None:
-        return [*lines, d.status[0].upper() + d.status[1:]]
+        return [*lines, capital(d.status)]
     if d.lies_on_wall:
         words = d.lift_words()
-        lines.append(
-            words[0].upper() + words[1:] + ": what follows is the wall's more than the film's"
-        )
+        lines.append(capital(words) + ": what follows is the wall's more than the film's")
     angle = "" if d.attitude_angle is None else f"attitude angle {d.attitude_angle:.1f} deg, "
     lines += [
         f"Static equilibrium: eccentricity {d.eccentricity:.4f} of the clearance, {angle}thinnest "

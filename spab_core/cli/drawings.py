@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 import os
 from argparse import Namespace
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
@@ -207,14 +210,13 @@ def _look(args: Namespace, axis: str, reach: float) -> Look:
     return Look(axis, reach, limits=options.limits_of(args), settings=options.settings_of(args))
 
 
-def design_tolerance(args: Namespace, design: Design) -> Answer:
-    """Run ``spab design tolerance`` and return its answer."""
-    check_choice("--axis", args.axis, (*AXES, NO_LINE))
-    look = _look(args, "" if args.axis == NO_LINE else args.axis, args.reach)
-    machine, tolerances = machine_of(args, design), tolerances_of(args)
+@contextlib.contextmanager
+def _run(args: Namespace, look: Look, machine: Machine, total: int) -> Iterator[dict[str, Any]]:
+    """Check how the machines are to be solved and where to; yield the options of the run, with a
+    bar of ``total`` machines.
+    """
     check_number("--workers", args.workers, 1, options.MAX_WORKERS)
     check_number("--seed", args.seed, 0, options.MAX_SEED)
-    check_study(machine, tolerances, look, args.machines, args.half_width, args.wanted)
     cluster = check_cluster(args.dask or "") or None
     if args.out is not None:
         check_output(args.out, "--out")
@@ -222,9 +224,25 @@ def design_tolerance(args: Namespace, design: Design) -> Answer:
     say_compiling(look.settings, machine.design)
     compile_once(look.settings, machine.design)
     with (
-        tqdm(total=args.machines, unit="machine", leave=False) as bar,
+        tqdm(total=total, unit="machine", leave=False) as bar,
         resumable(bar, parts, "solved machines"),
     ):
+        yield {
+            "seed": args.seed,
+            "checkpoint": None if args.out is None else parts,
+            "workers": args.workers,
+            "cluster": cluster,
+            "progress": bar.update,
+        }
+
+
+def design_tolerance(args: Namespace, design: Design) -> Answer:
+    """Run ``spab design tolerance`` and return its answer."""
+    check_choice("--axis", args.axis, (*AXES, NO_LINE))
+    look = _look(args, "" if args.axis == NO_LINE else args.axis, args.reach)
+    machine, tolerances = machine_of(args, design), tolerances_of(args)
+    check_study(machine, tolerances, look, args.machines, args.half_width, args.wanted)
+    with _run(args, look, machine, args.machines) as run:
         study = tolerance_study(
             machine,
             tolerances,
@@ -232,11 +250,7 @@ def design_tolerance(args: Namespace, design: Design) -> Answer:
             most=args.machines,
             half_width=args.half_width,
             wanted=args.wanted,
-            seed=args.seed,
-            checkpoint=None if args.out is None else parts,
-            workers=args.workers,
-            cluster=cluster,
-            progress=bar.update,
+            **run,
         )
         if args.out is not None:
             save_study(study, Path(args.out))
@@ -261,20 +275,10 @@ def design_improve(args: Namespace, design: Design) -> Answer:
     machine, tolerances = machine_of(args, design), tolerances_of(args)
     ranges = ranges_of(args, machine)
     better.check_improve(machine, ranges, wishes, look, tolerances, args.screened, args.solved)
-    check_number("--workers", args.workers, 1, options.MAX_WORKERS)
-    check_number("--seed", args.seed, 0, options.MAX_SEED)
-    cluster = check_cluster(args.dask or "") or None
-    for name in ("out", "best_out"):
-        if getattr(args, name) is not None:
-            check_output(getattr(args, name), f"--{name.replace('_', '-')}")
-    parts = Path(f"{args.out}.parts")
-    say_compiling(look.settings, machine.design)
-    compile_once(look.settings, machine.design)
+    if args.best_out is not None:
+        check_output(args.best_out, "--best-out")
     total = better.steps(args.screened, args.solved, bool(tolerances))
-    with (
-        tqdm(total=total, unit="machine", leave=False) as bar,
-        resumable(bar, parts, "solved machines"),
-    ):
+    with _run(args, look, machine, total) as run:
         found = improve(
             machine,
             ranges,
@@ -284,11 +288,7 @@ def design_improve(args: Namespace, design: Design) -> Answer:
             tolerances,
             screened=args.screened,
             solved=args.solved,
-            seed=args.seed,
-            checkpoint=None if args.out is None else parts,
-            workers=args.workers,
-            cluster=cluster,
-            progress=bar.update,
+            **run,
         )
         if args.out is not None:
             save_improvement(found, Path(args.out))

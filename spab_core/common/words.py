@@ -1,4 +1,4 @@
-"""Numbers in sentences."""
+"""Numbers and clauses in sentences."""
 
 from __future__ import annotations
 
@@ -6,3 +6,13 @@ from __future__ import annotations
 def count(number: int, noun: str) -> str:
     """Return a number of things in words: "1 row", "2,000 rows"."""
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
+def capital(words: str) -> str:
+    """Return a clause as a sentence begins: its first letter large, the others as they are."""
+    return words[:1].upper() + words[1:]
+
+
+def small(words: str) -> str:
+    """Return a sentence as a clause begins: its first letter small, the others as they are."""
+    return words[:1].lower() + words[1:]

@@ -17,6 +17,7 @@ from typing import Any
 from spab_core.common.errors import DesignError
 from spab_core.common.units import from_rpm
 from spab_core.common.validation import check_choice, check_number
+from spab_core.common.words import capital
 from spab_core.design.limits import BEARING_NUMBER_RANGE
 from spab_core.design.model import Bearing, Contact, Design, Gas, Rotor, Value
 
@@ -87,7 +88,7 @@ def _fields() -> dict[str, FormField]:
         for f in dataclasses.fields(section):
             name, m = f"{group.lower()}__{f.name}", f.metadata
             label, symbol, unit, power = m["form"]
-            text = m["text"][0].upper() + m["text"][1:]
+            text = capital(m["text"])
             if m["choices"]:
                 limits = (math.nan, math.nan, False, False, False)
                 found[name] = FormField(

@@ -25,7 +25,7 @@ from spab_core.common.errors import InputError
 from spab_core.common.threads import one_thread
 from spab_core.design.model import Design
 from spab_core.linear_theory.impedance import Impedance, impedance
-from spab_core.linear_theory.modes import SLOWEST_WHIRL, Mode
+from spab_core.linear_theory.modes import Mode, modes_of
 from spab_core.linear_theory.spectrum import coupled_eigenpairs
 from spab_core.linear_theory.whirl import THRESHOLD_RANGE
 from spab_core.solver.film import AUTO, Mesh
@@ -93,19 +93,8 @@ def conical_modes(z: Impedance) -> list[Mode]:
     if not z.design.rotor.conical:
         return []
     values, tilt = _spectrum(z, *inertia_numbers(z.design, z.bearing_number))
-    x, y = tilt
-    forward = np.abs(x + 1j * y) > np.abs(x - 1j * y)
     shapes = np.concatenate([tilt, tilt])
-    return [
-        Mode(
-            float(values[k].imag),
-            2.0 * math.pi * float(values[k].real),
-            bool(forward[k]),
-            shapes[:, k] / np.linalg.norm(shapes[:, k]),
-        )
-        for k in np.argsort(-values.real)
-        if values[k].imag > SLOWEST_WHIRL and np.linalg.norm(shapes[:, k]) > _STILL
-    ]
+    return modes_of(values, shapes, np.linalg.norm(shapes, axis=0) > _STILL)
 
 
 @one_thread

@@ -106,12 +106,26 @@ def rotor_modes(system: System, state: np.ndarray) -> list[Mode]:
     journal = vectors[n : n + 2]
     disc = journal if system.rotor.rigid else vectors[n + 2 : n + 4]
     shapes = np.concatenate([journal, disc])
+    swings: np.ndarray = np.any(shapes, axis=0)
+    if system.film.depth:
+        swings &= values.imag > -values.real
+    return modes_of(values, shapes, swings)
+
+
+def modes_of(values: np.ndarray, shapes: np.ndarray, swings: np.ndarray) -> list[Mode]:
+    """Return the vibrations among eigenpairs, the least stable first.
+
+    Parameters
+    ----------
+    values : ndarray of complex, (m,)
+    shapes : ndarray of complex, (4, m)
+        As :attr:`Mode.shape`, of any length.
+    swings : ndarray of bool, (m,)
+        Which of them may count; besides, their frequency is at least :data:`SLOWEST_WHIRL`.
+    """
     x, y = shapes[::2], shapes[1::2]
     # with the rotation, from X to Y, the motion along Y follows a quarter of a turn later
     forward = (np.abs(x + 1j * y) ** 2).sum(0) > (np.abs(x - 1j * y) ** 2).sum(0)
-    slowest = np.full(len(values), SLOWEST_WHIRL)
-    if system.film.depth:
-        slowest = np.maximum(slowest, -values.real)
     return [
         Mode(
             float(values[k].imag),
@@ -120,7 +134,7 @@ def rotor_modes(system: System, state: np.ndarray) -> list[Mode]:
             shapes[:, k] / np.linalg.norm(shapes[:, k]),
         )
         for k in np.argsort(-values.real)
-        if values[k].imag > slowest[k] and np.any(shapes[:, k])
+        if swings[k] and values[k].imag > SLOWEST_WHIRL
     ]
 
 

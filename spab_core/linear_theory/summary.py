@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from spab_core.common.threads import one_thread
+from spab_core.common.words import capital
 from spab_core.design.form import grade_of_eccentricity
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
@@ -277,7 +278,7 @@ class Derived:
 
     def _rest_words(self) -> str:
         if self.status != "ok":
-            return f"{self.status[0].upper()}{self.status[1:]}."
+            return f"{capital(self.status)}."
         if self.lies_on_wall:
             return f"{self.lift_words().capitalize()}."
         if self.leading is None:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from spab_core.common.validation import check_number
+from spab_core.common.words import small
 from spab_core.linear_theory.linear_table import LinearTable
 from spab_core.maps.stability_map import MapError, StabilityMap
 from spab_core.trajectory.regimes import Regime
@@ -272,7 +273,7 @@ class Margin:
 
 
 def _small(words: str) -> str:
-    return words[0].lower() + words[1:]
+    return small(words)
 
 
 def _percent(change: float) -> str:

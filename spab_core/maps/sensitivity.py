@@ -23,6 +23,7 @@ from spab_core.common.files import write_atomically
 from spab_core.common.npz import UNREADABLE
 from spab_core.common.units import from_rpm
 from spab_core.common.validation import check_choice, check_number
+from spab_core.common.words import capital
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, check_point
 from spab_core.design.model import Design
 from spab_core.maps.parallel import cluster_or_processes
@@ -127,7 +128,7 @@ class MachineMargin:
             return f"{value:,.0f} rpm" if self.axis == "speed" else f"{value:.4g} kg"
 
         words = GRADE_WORDS[self.grade]
-        begin = f"{words[0].upper()}{words[1:]} at {told(self.at)}"
+        begin = f"{capital(words)} at {told(self.at)}"
         if self.why:
             begin += f" ({KINDS[self.why]})"
         changes = [

@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spab_core.common.validation import check_number
+from spab_core.common.words import capital, small
 from spab_core.design.form import nearest_bearing_number
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, check_point
 from spab_core.design.model import Design
@@ -274,7 +275,7 @@ class SolvedMargin:
             told.append("Resonance and stability at rest are not judged: no equilibrium is known.")
         if self.beside:
             words = beside_words(self.beside)
-            told.append(f"{words[0].upper()}{words[1:]}.")
+            told.append(f"{capital(words)}.")
         told += [self._along(line) for line in self.lines]
         spacing = max((line.spacing for line in self.lines), default=0.0)
         told.append(
@@ -548,7 +549,7 @@ def _detail(other: OperatingPoint | None) -> str:
     if other is None or other.regime is None:
         return "a failed run"
     words = motion_words(other.regime.name, other.regime.period)
-    return f"{100.0 * other.max_eccentricity:.0f} % of the clearance, {words[0].lower()}{words[1:]}"
+    return f"{100.0 * other.max_eccentricity:.0f} % of the clearance, {small(words)}"
 
 
 def check_solved_margin(points: int, precision: float) -> None:

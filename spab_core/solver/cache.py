@@ -28,6 +28,7 @@ _ANSWERS = (
     "design/limits",
     "design/model",
     "linear_theory/equilibrium",
+    "linear_theory/spectrum",
     "linear_theory/whirl",
     "trajectory/lyapunov",
     "trajectory/periodic_orbit",
@@ -36,6 +37,7 @@ _ANSWERS = (
     "trajectory/run",
     "trajectory/settings",
     "trajectory/shooting",
+    "trajectory/starts",
 )  # what else an operating point depends on
 
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from spab_core.common.validation import check_number
+from spab_core.common.words import small
 from spab_core.design.model import Design
 from spab_core.linear_theory.assumptions import Assumption
 from spab_core.linear_theory.modes import LEAST_AMPLIFICATION, Mode
@@ -204,7 +205,7 @@ def motion_rules(design: Design, motion: Motion, limits: Limits = DEFAULT_LIMITS
 
     def told() -> str:
         words = motion_words(str(m.regime), int(m.period), str(m.status))
-        return words[0].lower() + words[1:]
+        return small(words)
 
     def orbit_words() -> str:
         known = "" if not np.isnan(m.orbit_amplitude) else "at most "

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from spab_core.common.errors import InputError
+from spab_core.common.words import small
 from spab_core.design.model import Design
 from spab_core.linear_theory.summary import Derived, derive
 from spab_core.solver.rotor import RAMP_REVOLUTIONS
@@ -239,7 +240,7 @@ def beside_words(other: OperatingPoint) -> str:
     words = motion_words(other.regime.name, other.regime.period)
     return (
         f"another motion of {100.0 * other.max_eccentricity:.0f} % of the clearance exists beside "
-        f"it, reached from {start}: {words[0].lower()}{words[1:]}"
+        f"it, reached from {start}: {small(words)}"
     )
 
 

@@ -13,6 +13,7 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from spab_core.common.errors import InputError
+from spab_core.common.words import capital
 from spab_core.design.form import (
     FIELDS,
     GRADE_RANGE,
@@ -254,7 +255,7 @@ def _prepare(names: Iterable[str]) -> None:
     ):
         _fill(design)
     if error := state["my_error"]:
-        st.error(f"{error[0].upper()}{error[1:]}. The design stays as it was.")
+        st.error(f"{capital(error)}. The design stays as it was.")
 
 
 def machine_fields(row: DeltaGenerator) -> None:
@@ -274,7 +275,7 @@ def design_fields() -> None:
     of, remarks = st.session_state.get("my_remarks", (None, []))
     design = chosen_design()
     for remark in remarks if of == design else design_doubts(design):
-        st.warning(f"{remark[0].upper()}{remark[1:]}.")
+        st.warning(f"{capital(remark)}.")
     for tab, group in zip(st.tabs(list(GROUPS)), GROUPS, strict=True):
         with tab:
             if group == "Rotor":

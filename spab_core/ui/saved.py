@@ -13,6 +13,7 @@ import streamlit as st
 
 from spab_core.active_learning.refine import load_refinement
 from spab_core.common.errors import InputError
+from spab_core.common.words import capital
 from spab_core.design.form import FIELDS, to_form
 from spab_core.design.model import Design, reference_design
 from spab_core.design.presets import PRESETS
@@ -207,7 +208,7 @@ def saved_results() -> None:
         )
         return
     if problem := st.session_state.pop("saved_problem", ""):
-        st.error(f"{problem[0].upper()}{problem[1:]}.")
+        st.error(f"{capital(problem)}.")
     shown = found if st.session_state.get("saved_all") else found[:SHOWN]
     for job in shown:
         with st.container(border=True, key=f"saved_{job.id}"):

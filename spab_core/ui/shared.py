@@ -15,6 +15,7 @@ from streamlit.runtime.scriptrunner import add_script_run_ctx, get_script_run_ct
 
 from spab_core.active_learning.refine import Refinement
 from spab_core.common.errors import InputError
+from spab_core.common.words import capital
 from spab_core.jobs.store import Job
 from spab_core.maps.margin import against_linear, critical_masses, margin
 from spab_core.maps.stability_map import StabilityMap
@@ -227,7 +228,7 @@ def _grade_words(stamp: float) -> str:
     told = ", ".join(f"{100.0 * (found == g).mean():.0f} % {w}" for g, w in GRADE_WORDS.items())
     none = "" if (found == GRADES[0]).any() else "No cell of this map is good. "
     return (
-        f"{none}{told[0].upper()}{told[1:]}, by the motion alone: resonance, and what grows at "
+        f"{none}{capital(told)}, by the motion alone: resonance, and what grows at "
         "rest, are judged at the point. "
     )
 

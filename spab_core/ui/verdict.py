@@ -10,6 +10,7 @@ from typing import Any
 
 import streamlit as st
 
+from spab_core.common.words import small
 from spab_core.design.form import FIELDS, SUPPLY, grade_of_eccentricity, to_form, unused
 from spab_core.plotting.theme import GRADE_MARKS
 from spab_core.trajectory.assessment import GRADE_WORDS, Assessment
@@ -75,7 +76,7 @@ def assumed_words() -> list[str]:
     values, told = to_form(design), []
     for name in sorted(names, key=lambda n: (*_TELLING, *FIELDS).index(n)):
         field = FIELDS[name]
-        words = f"{field.label[0].lower()}{field.label[1:]} {with_unit(field, values[name])}"
+        words = f"{small(field.label)} {with_unit(field, values[name])}"
         if name == _TELLING[0]:
             rpm = design.speed_rpm(chosen_point()[1])
             share = design.rotor.journal_mass_fraction
