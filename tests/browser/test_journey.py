@@ -188,15 +188,17 @@ def test_leaving_a_page_while_its_job_works(own_page, tools, tmp_path):
     tools.settled(page)
     page.get_by_role("button", name="Compute 4,000 points").click()
     page.get_by_role("button", name="Cancel").wait_for(timeout=60_000)
-    page.get_by_text(re.compile(r"[1-9][0-9]* of 4,000")).wait_for(timeout=120_000)
+    # the sidebar tells of the same job
+    main = page.get_by_test_id("stMainBlockContainer")
+    main.get_by_text(re.compile(r"[1-9][0-9]* of 4,000")).wait_for(timeout=120_000)
     go_to(page, tools, "Operating_point")
     at_point(page)
     assert "points=2000" in page.url and "sweeps=cold" in page.url
     go_to(page, tools, "Bifurcation")
     at_point(page)
-    page.get_by_role("button", name="Cancel").click()
-    page.get_by_text("Cancelled at").wait_for(timeout=60_000)
-    page.get_by_role("button", name="Go on").wait_for()
+    main.get_by_role("button", name="Cancel").click()
+    main.get_by_text("Cancelled at").wait_for(timeout=60_000)
+    main.get_by_role("button", name="Go on").wait_for()
     page.screenshot(path=OUTPUT / "cancelled.png")
     assert (
         len([folder for folder in tmp_path.iterdir() if folder.name.startswith("bifurcation")]) == 1
