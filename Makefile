@@ -27,6 +27,7 @@ run: $(VENV)/.ready
 	$(BIN)/spab dashboard
 
 test: $(VENV)/.ready
+	$(BIN)/python -m tests.kernels
 	$(BIN)/python -m pytest
 
 # what takes no more than a few seconds each, without pages and browser
@@ -46,11 +47,13 @@ endif
 COMPILE := -c "from spab_core.trajectory.compiling import compile_once; compile_once()"
 
 test-foreign: $(VENV)/.ready
+	$(FOREIGN) $(BIN)/python -m tests.kernels
 	$(FOREIGN) $(BIN)/python -m pytest $(SOLVING)
 
-# the same and what can depend on Python: make test-python PYTHON=python3.13 VENV=.venv-newest
+# the same and what can depend on Python, without what takes more than a few seconds: make test-python PYTHON=python3.13 VENV=.venv-newest
 test-python: $(VENV)/.ready
-	$(FOREIGN) $(BIN)/python -m pytest $(SOLVING) $(STORING)
+	$(FOREIGN) $(BIN)/python -m tests.kernels
+	$(FOREIGN) $(BIN)/python -m pytest -m "not slow" $(SOLVING) $(STORING)
 
 compiled: $(VENV)/.ready
 	$(FOREIGN) $(BIN)/python $(COMPILE)

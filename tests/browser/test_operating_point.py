@@ -29,7 +29,8 @@ def test_the_operating_point(chromium, tools):
         before, began = metric.inner_text(), time.monotonic()
         page.locator("[data-testid=stNumberInputStepUp]").first.click()
         page.wait_for_function(
-            "old => document.querySelector('[data-testid=stMetricValue]').innerText !== old",
+            "old => ![null, undefined, old].includes("
+            "document.querySelector('[data-testid=stMetricValue]')?.innerText)",
             arg=before,
             timeout=30_000,
         )

@@ -136,11 +136,12 @@ CASES = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CASES)
-@pytest.mark.parametrize("form", [".json", ".xlsx"])
+@pytest.mark.parametrize(
+    ("name", "form"), [*((name, ".json") for name in CASES), ("fed_spindle", ".xlsx")]
+)
 def test_the_whirl_of_the_film_in_ross_is_ours(name, form, python_with_ross, tmp_path):
-    """From an eighth of the limit of stability to past it, at the speeds of the table and between
-    them: frequency and logarithmic decrement of the film's whirl to 2 % (5 % were asked for), its
+    """From an eighth of the limit of stability to past it, at the ends of the table and between its
+    speeds: frequency and logarithmic decrement of the film's whirl to 2 % (5 % were asked for), its
     limit of stability to 0.2 %. In the table over speed and frequency the other modes of the rotor
     too: those that bend the shaft, and the backward whirl.
     """
@@ -153,7 +154,7 @@ def test_the_whirl_of_the_film_in_ross_is_ours(name, form, python_with_ross, tmp
     else:
         found = coefficients_over_speed(design, mass, numbers, FILM_WHIRL, MESH)
     save_table(found, str(path))
-    ours = follow_film_whirl(design, mass, over(design, low, high, 33), MESH)
+    ours = follow_film_whirl(design, mass, over(design, low, high, 14), MESH)
     speeds = [design.speed(z.bearing_number) for z, _, _ in ours]
     # the other modes, below the limit and above
     roots = [
@@ -180,7 +181,7 @@ def test_the_whirl_of_the_film_in_ross_is_ours(name, form, python_with_ross, tmp
     off = [abs(found_there.imag / wanted.imag - 1.0).max(initial=0.0)]
     ratio = found_there.real / found_there.imag / (wanted.real / wanted.imag)
     off.append(abs(ratio - 1.0).max(initial=0.0))
-    assert len(wanted) >= 25 * grid and max(off) < others
+    assert len(wanted) >= 10 * grid and max(off) < others
     exact = limit_of(speeds, [mode.log_decrement for _, _, mode in ours])
     limit = limit_of(speeds, decrements)
     print(

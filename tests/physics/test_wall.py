@@ -211,7 +211,7 @@ def test_both_methods_follow_the_same_orbit():
     runs = {}
     for method, tolerance in (("rodas", 1e-8), ("dtm", 1e-8)):
         runs[method] = Run(
-            SPINDLE.replace(**POROUS), 4.0, 5.87, mesh=Mesh(2, 8), method=method, ramp=0.0
+            SPINDLE.replace(**POROUS), 4.0, 5.87, mesh=Mesh(2, 16), method=method, ramp=0.0
         )
         runs[method].go(3, tolerance, tangent=True)
     difference = runs["rodas"].memory.state - runs["dtm"].memory.state

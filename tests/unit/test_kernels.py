@@ -50,7 +50,7 @@ class Case:
         return out_v
 
 
-HALF = [(mesh, None) for mesh in (Mesh(3, 16), Mesh(4, 24), Mesh(2, 8), Mesh(8, 16), Mesh(5, 40))]
+HALF = [(mesh, None) for mesh in (Mesh(3, 16), Mesh(4, 24), Mesh(8, 16), Mesh(5, 24))]
 WHOLE = [(Mesh(2, 16), 0.2), (Mesh(3, 24), -0.15)]  # displaced along the axis
 
 

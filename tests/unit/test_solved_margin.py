@@ -88,7 +88,7 @@ def limit_of(found, axis, direction, what):
 
 @pytest.fixture(scope="module")
 def machine():
-    return solve_margin(MACHINE, 4.0, MACHINE.bearing_number(from_rpm(20000.0)))
+    return solve_margin(MACHINE, 4.0, MACHINE.bearing_number(from_rpm(20000.0)), points=6)
 
 
 @pytest.mark.slow

@@ -1,0 +1,45 @@
+"""Compile the kernels that many tests need, on two cores, each once: ``python -m tests.kernels``.
+
+Kernels differ by the mesh's width, the method and whether the wall stores gas. Two workers of
+pytest that come upon the same ones would both compile them."""
+
+from __future__ import annotations
+
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+
+from spab_core.design.model import reference_design
+from spab_core.linear_theory.summary import derive
+from spab_core.trajectory.compiling import compile_once
+from spab_core.trajectory.point import solve_point
+from spab_core.trajectory.settings import Settings
+
+# mesh, method, porosity: the slowest first
+NEEDED = (
+    ("3x16", "dtm", 0.0),
+    ("2x16", "dtm", 0.15),
+    ("3x16", "rodas", 0.15),
+    ("3x24", "rodas", 0.15),
+    ("4x32", "rodas", 0.15),
+    ("4x32", "rodas", 0.0),
+    ("3x24", "rodas", 0.0),
+)
+
+
+def _compile(mesh: str, method: str, porosity: float) -> None:
+    design = reference_design().replace(bearing__porosity=porosity)
+    if method == "rodas":
+        derive(design, 4.0, 3.0)
+    solve_point(design, 4.0, 3.0, Settings(mesh, method, transient=30, revolutions=20))
+
+
+def main() -> None:
+    compile_once()
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(2, context) as pool:
+        for work in [pool.submit(_compile, *kernels) for kernels in NEEDED]:
+            work.result()
+
+
+if __name__ == "__main__":
+    main()
