@@ -51,9 +51,10 @@ def case(name):
     return MACHINE, *axes
 
 
-def held_out(name, cells, folder):
-    """Flat indices of random cells and their solved values, by the names of a map's."""
-    design, number, mass = case(name)
+def held_out(name, design, number, mass, cells, folder=None):
+    """Flat indices of random cells and their solved values, by the names of a map's; kept in the
+    folder, if one is given.
+    """
     drawn = np.random.default_rng(SEED).permutation(number.size * mass.size)[:cells]
     done = 0
 
@@ -67,7 +68,7 @@ def held_out(name, cells, folder):
         number,
         mass,
         SETTINGS,
-        checkpoint=folder / name,
+        checkpoint=folder and folder / name,
         chunk_cells=20,
         workers=WORKERS,
         progress=progress,
@@ -102,8 +103,8 @@ def share(name, right):
 
 def measure(name, minutes, cells, clock, folder):
     """Map one case, compare with its held-out cells; print what was found."""
-    drawn, truth = held_out(name, cells, folder)
     design, number, mass = case(name)
+    drawn, truth = held_out(name, design, number, mass, cells, folder)
     began, told = clock(), []
     wall, first = time.perf_counter(), None
     with tempfile.TemporaryDirectory() as parts:

@@ -11,21 +11,19 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import os
 import random
-import subprocess
 import sys
 import tempfile
 import time
-import urllib.request
 from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-from session import User
-
 ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT / "docs")]
+from session import User  # noqa: E402
+from take_pictures import server  # noqa: E402
+
 LAYERS = ("Regime", "MLE")
 THINK = (0.5, 4.0)  # seconds between two clicks
 EVERY = 10.0  # seconds between two looks at the memory
@@ -105,43 +103,14 @@ def main() -> None:
     )
     parser.add_argument("--users", type=int, default=20)
     parser.add_argument("--minutes", type=float, default=10.0)
-    parser.add_argument("--port", type=int, default=8622)
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as own, (Path(own) / "log.txt").open("w") as log:
         folders = {name: str(Path(own) / name) for name in ("SPAB_JOBS", "SPAB_CACHE")}
-        server = subprocess.Popen(
-            [
-                sys.executable,
-                "-m",
-                "streamlit",
-                "run",
-                "app.py",
-                "--server.port",
-                str(args.port),
-                "--server.headless",
-                "true",
-            ],
-            cwd=ROOT,
-            stdout=log,
-            stderr=log,
-            env=os.environ | folders | {"PYTHONPATH": str(ROOT)},
-        )
-        try:
-            for _ in range(300):
-                try:
-                    urllib.request.urlopen(
-                        f"http://127.0.0.1:{args.port}/_stcore/health", timeout=1
-                    ).close()
-                    break
-                except OSError:
-                    time.sleep(0.1)
+        with server(log=log, **folders) as (process, port):
             clicks, errors, red, seen = asyncio.run(
-                load(args.port, server.pid, args.users, 60.0 * args.minutes)
+                load(port, process.pid, args.users, 60.0 * args.minutes)
             )
-            alive = server.poll() is None
-        finally:
-            server.terminate()
-            server.wait(20)
+            alive = process.poll() is None
         told = (Path(own) / "log.txt").read_text()
     took = np.array([seconds for _, _, seconds in clicks])
     print(

@@ -11,23 +11,20 @@ import tempfile
 import time
 from pathlib import Path
 
-import joblib
 import numpy as np
 import pandas as pd
+from held_out import WORKERS, held_out
 from scipy.stats import binomtest
 
 from spab_core.active_learning.quick_map import (
-    SETTINGS,
     as_map,
     check_quick_map,
     quick_map,
     usual_plane,
 )
 from spab_core.design.presets import PRESETS
-from spab_core.maps.compute import solve_chunk
 
 TARGET = Path(__file__).resolve().parent.parent / "docs" / "own_maps.csv"
-CHUNK, SEED, WORKERS = 20, 20_260, 2
 
 
 def measure(name: str, minutes: float, cells: int) -> dict:
@@ -48,20 +45,11 @@ def measure(name: str, minutes: float, cells: int) -> dict:
             first.append(time.perf_counter() - began)
             solved = int(found.solved.sum())
     seconds, m = time.perf_counter() - began, as_map(found)
-    drawn = np.random.default_rng(SEED).permutation(m.mle.size)[:cells]
-    row, column = np.unravel_index(drawn, m.shape)
-    points = [(float(number[i]), float(mass[j])) for i, j in zip(row, column, strict=True)]
     began = time.perf_counter()
-    jobs = (
-        joblib.delayed(solve_chunk)(str(k), design, points[k : k + CHUNK], SETTINGS)
-        for k in range(0, cells, CHUNK)
-    )
-    checked = dict(joblib.Parallel(n_jobs=WORKERS)(jobs))
+    drawn, solved_again = held_out(name, design, number, mass, cells)
     check_seconds = time.perf_counter() - began
-    truth, mle = (
-        np.concatenate([checked[k][field] for k in sorted(checked, key=int)])
-        for field in ("regime", "mle")
-    )
+    row, column = np.unravel_index(drawn, m.shape)
+    truth, mle = solved_again["regime"], solved_again["mle"]
     agree = m.regime[row, column] == truth
     test = binomtest(int(agree.sum()), cells).proportion_ci(method="wilson")
     open_cells = ~found.solved[row, column] & np.isfinite(mle)

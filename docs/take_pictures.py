@@ -26,22 +26,18 @@ def free_port():
 
 
 @contextmanager
-def dashboard(script="app.py"):
-    """The app, or another script, served on a free port of this machine; yields its address."""
+def server(script="app.py", root=ROOT, log=subprocess.DEVNULL, **environment):
+    """A script of a checkout served by Streamlit on a free port of this machine; yields the process
+    and the port.
+    """
     port = free_port()
-    command = [
-        sys.executable,
-        "-m",
-        "streamlit",
-        "run",
-        str(script),
-        "--server.port",
-        str(port),
-        "--server.headless",
-        "true",
-    ]
+    options = ["--server.port", str(port), "--server.headless", "true"]
     process = subprocess.Popen(
-        command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        [sys.executable, "-m", "streamlit", "run", str(script), *options],
+        cwd=root,
+        stdout=log,
+        stderr=log,
+        env=os.environ | {"PYTHONPATH": str(root)} | environment,
     )
     try:
         for _ in range(300):
@@ -50,10 +46,17 @@ def dashboard(script="app.py"):
                 break
             except OSError:
                 time.sleep(0.1)
-        yield f"http://127.0.0.1:{port}"
+        yield process, port
     finally:
         process.terminate()
         process.wait(timeout=20)
+
+
+@contextmanager
+def dashboard(script="app.py", root=ROOT):
+    """The app, or another script, served as :func:`server` does; yields its address."""
+    with server(script, root) as (_, port):
+        yield f"http://127.0.0.1:{port}"
 
 
 def find_chromium():

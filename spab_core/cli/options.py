@@ -189,7 +189,9 @@ def limits_of(args: argparse.Namespace) -> Limits:
 
 
 def speed_of(text: str) -> float:
-    """Read the shaft speed of an option that may be a range too."""
+    """Read the shaft speed, in rpm, of an option that may be a range too; raise ``InputError`` for
+    what is no speed.
+    """
     try:
         return speed(text)
     except argparse.ArgumentTypeError as error:
@@ -285,7 +287,13 @@ def settings_of(args: argparse.Namespace) -> Settings:
 
 
 def design_of(args: argparse.Namespace) -> Design:
-    """Return the design of --design or --preset, or the reference design."""
+    """Return the design of --design or --preset, or the reference design.
+
+    Raises
+    ------
+    InputError
+        For both at once, or a file that is no design.
+    """
     name = getattr(args, "preset", None)
     if name is not None and args.design is not None:
         raise InputError("give either --design or --preset")

@@ -22,9 +22,8 @@ from spab_core.design.model import Design
 from spab_core.design.tolerances import Machine
 from spab_core.linear_theory.equilibrium import static_equilibrium
 from spab_core.maps.checkpoints import Checkpoint
-from spab_core.maps.parallel import cluster_or_processes
+from spab_core.maps.compute import chunk_solver
 from spab_core.maps.solved_margin import troubles_at_rest, troubles_of_motion
-from spab_core.maps.stability_map import MapError
 from spab_core.solver.cache import solver_hash
 from spab_core.trajectory.assessment import AVOID, DEFAULT_LIMITS, GRADES, Limits
 from spab_core.trajectory.point import OperatingPoint, solve_point
@@ -218,19 +217,18 @@ def empty_rows(count: int) -> Rows:
     return rows
 
 
-def look_at_chunk(name: str, machines: Sequence[Machine], look: Look) -> tuple[str, Rows, str]:
+def look_at_chunk(name: str, machines: Sequence[Machine], look: Look) -> tuple[str, Rows]:
     """Solve machines one after the other; runs in a worker.
 
     Returns
     -------
     name : str
     rows : dict of ndarray
-    solver : str
-        Hash of the worker's solver.
+        By the names of :data:`ROW`; ``solver``, the hash of the worker's solver.
     """
     found = [look_at(machine, look) for machine in machines]
     rows = {key: np.array([row[key] for row in found], dtype) for key, dtype in ROW.items()}
-    return name, rows, solver_hash()
+    return name, rows | {"solver": np.array(solver_hash())}
 
 
 @contextlib.contextmanager
@@ -276,39 +274,27 @@ def looker(
         For a checkpoint of another run or a cluster that does not answer.
     """
     look.check()
-    rows, done = empty_rows(most), 0
+    first, asked = 0, list[Machine]()
     same = {"solver": solver_hash(), "look": look.to_dict()} | plan
-    with contextlib.ExitStack() as stack:
-        run = stack.enter_context(Checkpoint(checkpoint, same, rows).resume())
-        parallel = stack.enter_context(
-            cluster_or_processes(workers, look.settings, design, cluster)
+
+    def job(name: str, cells: np.ndarray) -> Any:
+        return joblib.delayed(look_at_chunk)(name, [asked[k - first] for k in cells], look)
+
+    with Checkpoint(checkpoint, same, empty_rows(most)).resume() as run:
+        solve = chunk_solver(
+            run,
+            job,
+            design,
+            look.settings,
+            chunk_cells=chunk,
+            workers=workers,
+            cluster=cluster,
+            progress=progress,
         )
 
-        def solve(machines: Sequence[Machine]) -> Rows:
-            nonlocal done
-            cells = np.arange(done, done + len(machines))
-            done += len(machines)
-            missing = run.missing(cells)
-            if progress:
-                progress(len(cells) - len(missing))
-            chunks = {
-                f"{missing[k]:06d}": missing[k : k + chunk] for k in range(0, len(missing), chunk)
-            }
-            jobs = (
-                joblib.delayed(look_at_chunk)(
-                    name, [machines[i - cells[0]] for i in cells_of], look
-                )
-                for name, cells_of in chunks.items()
-            )
-            for name, found, solver in parallel(jobs) if chunks else ():
-                if solver != solver_hash():
-                    raise MapError(
-                        f"the workers of {cluster} run another version of spab's solver than this "
-                        "process: install the same version there"
-                    )
-                run.save(name, chunks[name], found)
-                if progress:
-                    progress(len(chunks[name]))
-            return {name: values[cells] for name, values in rows.items()}
+        def look_at_next(machines: Sequence[Machine]) -> Rows:
+            nonlocal first, asked
+            first, asked = first + len(asked), list(machines)
+            return solve(np.arange(first, first + len(asked)))
 
-        yield solve
+        yield look_at_next

@@ -115,10 +115,21 @@ def running_system(
 @functools.lru_cache(maxsize=4096)
 @one_thread
 def axial_position(design: Design, rotor_mass: float, bearing_number: float) -> float | None:
-    """Static axial displacement over C under the design's axial load, the journal at rest under
-    gravity; None without such a load.
+    """Static axial displacement under the design's axial load, the journal at rest under gravity.
 
     From the middle outwards in steps, then by bracketing; at each step the radial equilibrium.
+
+    Parameters
+    ----------
+    design : Design
+    rotor_mass : float
+        kg on one bearing.
+    bearing_number : float
+
+    Returns
+    -------
+    float or None
+        Over C; None without an axial load.
 
     Raises
     ------
@@ -165,10 +176,27 @@ def axial_stiffness(
     offset: float = 0.0,
     mesh: Mesh = AUTO,
 ) -> float:
-    """Static axial stiffness -dF_z/dZ over p_a R² per clearance of a sphere's film, the journal
-    held at (x, y) radially and about ``offset`` along the axis, all over C.
+    """Static axial stiffness of a sphere's film, by central differences of the steady film's force.
 
-    By central differences of the steady film's force.
+    Parameters
+    ----------
+    design : Design
+    bearing_number : float
+    x, y : float
+        Where the journal is held radially, over C.
+    offset : float
+        About where it is held along the axis, over C.
+    mesh : Mesh
+
+    Returns
+    -------
+    float
+        -dF_z/dZ over p_a R² / C.
+
+    Raises
+    ------
+    InputError
+        Where no steady film was found.
     """
     forces = []
     for side in (-1.0, 1.0):

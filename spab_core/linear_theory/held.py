@@ -127,7 +127,19 @@ _REACH = 0.9  # eccentricity up to which curves go; axially, how far the gap at 
 @one_thread
 def load_curves(design: Design, bearing_number: float, mesh: Mesh = AUTO) -> LoadCurves:
     """Radial force over radial eccentricity and axial force over axial displacement, the shaft at
-    speed; films that are not found are left out.
+    speed.
+
+    Parameters
+    ----------
+    design : Design
+        Its axial load counts for nothing here.
+    bearing_number : float
+    mesh : Mesh
+
+    Returns
+    -------
+    LoadCurves
+        Up to the first displacement at which no steady film was found.
     """
     shares = np.linspace(0.0, _REACH, CURVE_POINTS)
     system = dense_system(design.replace(rotor__axial_load=0.0), 1.0, bearing_number, mesh)

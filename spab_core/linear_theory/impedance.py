@@ -105,23 +105,6 @@ class Impedance:
             self.system.film.room,
         )
 
-    def characteristic(self, p: complex) -> complex:
-        """Determinant of the rotor on Z(p): zero at the eigenvalues of the whole linearised system.
-
-        The disc is eliminated: it loads the journal with K - K²/(M_1 p² + K) (docs/model.md).
-        """
-        d = self.design
-        mass, share = (
-            d.mass_number(self.rotor_mass, self.bearing_number),
-            d.rotor.journal_mass_fraction,
-        )
-        if d.rigid:
-            inertia = mass * p * p
-        else:
-            disc, shaft = (1.0 - share) * mass * p * p, d.shaft_stiffness_number
-            inertia = share * mass * p * p + disc * shaft / (disc + shaft)
-        return complex(np.linalg.det(self.at(p) + inertia * np.eye(2)))
-
 
 @one_thread
 def impedance(

@@ -150,8 +150,15 @@ def _wanted(values: np.ndarray) -> list[int]:
 def eigenvalues(
     system: System, state: np.ndarray, slowest: float = SLOWEST, fastest: float = FASTEST
 ) -> np.ndarray:
-    """Eigenvalues per unit tau of the whole system linearised about a state: all of them, or, where
-    the wall stores gas, those of :func:`leading_eigenpairs`, whose parameters these are.
+    """Eigenvalues of the whole system linearised about a state.
+
+    Parameters are those of :func:`leading_eigenpairs`.
+
+    Returns
+    -------
+    ndarray of complex
+        Per unit tau: all of them, or, where the wall stores gas, those of
+        :func:`leading_eigenpairs`.
     """
     if system.film.depth:
         return leading_eigenpairs(system, state, slowest, fastest)[0]

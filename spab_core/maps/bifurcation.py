@@ -431,8 +431,21 @@ def line_verdict(line: Bifurcation, sweep: str, limits: Limits = DEFAULT_LIMITS)
 def interval_table(
     line: Bifurcation, sweeps: Sequence[str], limits: Limits = DEFAULT_LIMITS
 ) -> pd.DataFrame:
-    """Return the bands of a line by what the motion is worth: ``sweep``, ``assessment``, ``why``,
-    ``first`` and ``last`` value; over bearing numbers in rpm too.
+    """Return the bands of a line by what the motion is worth.
+
+    Parameters
+    ----------
+    line : Bifurcation
+    sweeps : sequence of str
+        Of those of the line.
+    limits : Limits
+        By which the motions are judged.
+
+    Returns
+    -------
+    DataFrame
+        A row a band: ``sweep``, ``assessment``, ``why``, ``first`` and ``last`` value; over bearing
+        numbers in rpm too.
     """
     rows = [
         (name, band.grade, band.why, line.values[band.first], line.values[band.last])
@@ -474,7 +487,19 @@ def line_table(line: Bifurcation) -> pd.DataFrame:
 
 
 def line_of_map(m: StabilityMap, vary: str, at: float) -> Bifurcation:
-    """Return the row or column of a map nearest to a line, as a cold sweep; its section is nan."""
+    """Return the row or column of a map nearest to a line, as a cold sweep.
+
+    Parameters
+    ----------
+    m : StabilityMap
+    vary, at
+        As those of :class:`Bifurcation`.
+
+    Returns
+    -------
+    Bifurcation
+        Its section is nan: a map keeps none.
+    """
     row, column = m.nearest(at, at)
     cells, at, values = (
         ((row, slice(None)), m.bearing_number[row], m.rotor_mass)

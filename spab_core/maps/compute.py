@@ -72,29 +72,68 @@ def solve_chunk(
     return name, values | {"solver": np.array(solver_hash())}
 
 
-def _solved(
-    chunks: dict[str, list[tuple[float, float]]],
+def chunk_solver(
+    run: Checkpoint,
+    job: Callable[[str, np.ndarray], Any],
     design: Design,
     settings: Settings,
-    workers: int,
-    cluster: str | None,
-) -> Iterator[tuple[str, Chunk]]:
-    """Solve chunks of points in parallel; yield each as soon as it is there."""
-    if not chunks:
-        return
-    jobs = (
-        joblib.delayed(solve_chunk)(name, design, points, settings)
-        for name, points in chunks.items()
-    )
-    # open for these only: what trains in between must not find the cluster at hand
-    with cluster_or_processes(workers, settings, design, cluster) as parallel:
-        for name, found in parallel(jobs):
-            if str(found["solver"]) != solver_hash():
-                raise MapError(
-                    f"the workers of {cluster} run another version of spab's solver than this "
-                    "process: install the same version there"
-                )
-            yield name, found
+    *,
+    chunk_cells: int = CHUNK_CELLS,
+    workers: int = 1,
+    cluster: str | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> CellSolver:
+    """Return a function that solves requested cells of a run in parallel, each once.
+
+    Parameters
+    ----------
+    run : Checkpoint
+        Open; filled and saved chunk by chunk.
+    job : callable
+        Name and cells (k,) of a chunk -> joblib's delayed call of a function that returns the name
+        and the values (k,), with the hash of the worker's solver as ``solver``.
+    design : Design
+    settings : Settings
+        With ``design``, what the solver is compiled for.
+    chunk_cells : int
+        Cells solved between two checkpoints.
+    workers : int
+        Processes.
+    cluster : str, optional
+        Address of a Dask scheduler whose workers solve instead.
+    progress : callable
+        Called with the number of cells done since the last call. Each call of the solver first
+        reports the cells that were already solved, even if that is 0.
+
+    Returns
+    -------
+    callable
+        Cells (k,) -> values (k,) by the names of the run's. Raises :class:`MapError` for workers
+        with another solver, :class:`InputError` for a cluster that does not answer.
+    """
+    names = (name for k in itertools.count() if (name := f"{k:06d}") not in run.states)
+
+    def solve(cells: np.ndarray) -> Chunk:
+        missing = run.missing(cells)
+        if progress:
+            progress(len(cells) - len(missing))
+        starts = range(0, len(missing), chunk_cells)
+        chunks = {next(names): missing[k : k + chunk_cells] for k in starts}
+        if chunks:
+            # open for these only: what trains in between must not find the cluster at hand
+            with cluster_or_processes(workers, settings, design, cluster) as parallel:
+                for name, found in parallel(job(*chunk) for chunk in chunks.items()):
+                    if str(found["solver"]) != solver_hash():
+                        raise MapError(
+                            f"the workers of {cluster} run another version of spab's solver than "
+                            "this process: install the same version there"
+                        )
+                    run.save(name, chunks[name], found)
+                    if progress:
+                        progress(len(chunks[name]))
+        return {name: array[cells] for name, array in run.values.items()}
+
+    return solve
 
 
 @contextlib.contextmanager
@@ -155,25 +194,21 @@ def cell_solver(
         # an address where nobody answers is told before anything else is done
         with cluster_or_processes(workers, settings, design, cluster):
             pass
+
+    def job(name: str, cells: np.ndarray) -> Any:
+        return joblib.delayed(solve_chunk)(name, design, [points[c] for c in cells], settings)
+
     with Checkpoint(checkpoint, same, values).resume() as run:
-        names = (n for k in itertools.count() if (n := f"{k:06d}") not in run.states)
-
-        def solve(cells: np.ndarray) -> Chunk:
-            missing = run.missing(cells)
-            if progress:
-                progress(len(cells) - len(missing))
-            chunks = {
-                next(names): missing[k : k + chunk_cells]
-                for k in range(0, len(missing), chunk_cells)
-            }
-            asked = {name: [points[c] for c in chunk] for name, chunk in chunks.items()}
-            for name, found in _solved(asked, design, settings, workers, cluster):
-                run.save(name, chunks[name], found)
-                if progress:
-                    progress(len(chunks[name]))
-            return {name: array[cells] for name, array in values.items()}
-
-        yield solve
+        yield chunk_solver(
+            run,
+            job,
+            design,
+            settings,
+            chunk_cells=chunk_cells,
+            workers=workers,
+            cluster=cluster,
+            progress=progress,
+        )
 
 
 def compute_map(

@@ -571,7 +571,6 @@ def solve_margin(
     workers: int = 1,
     pool: futures.Executor | None = None,
     progress: Progress | None = None,
-    report: Callable[[SolvedMargin], None] | None = None,
 ) -> SolvedMargin:
     """Solve the limits of an operating point in speed, in mass and in both.
 
@@ -599,9 +598,6 @@ def solve_margin(
         Solves the points instead; what its ``submit`` raises ends the search.
     progress : callable
         Called with the number of points solved since the last call, from whatever thread.
-    report : callable
-        Called with the margin as far as it is known, first when both lines are solved, then after
-        each bisection; without another motion at the point, which is looked for last.
 
     Returns
     -------
@@ -620,18 +616,6 @@ def solve_margin(
     here = _look(point, limits).with_beside(point.beside)
     sides = _sides(point, points, span, here)
 
-    def margin() -> SolvedMargin:
-        return SolvedMargin(
-            point,
-            here.kinds,
-            tuple(sorted((x for side in sides for x in side.limits()), key=lambda x: x.distance)),
-            tuple(side.line for side in sides),
-            here.beside,
-            limits,
-            sum(len(side.found) - 1 for side in sides) + 1,
-            time.perf_counter() - began,
-        )
-
     with executor(workers, settings, design) if pool is None else nullcontext(pool) as solvers:
 
         def start(side: Side, value: float, starts: Iterable[np.ndarray]) -> futures.Future[Found]:
@@ -645,8 +629,6 @@ def solve_margin(
             runs = [(s, v, start(s, v, s.starts(v) if carried else ())) for s, v in wanted]
             for side, value, run in runs:
                 side.found[value] = run.result()
-            if report:
-                report(margin())
 
         solve([(side, value) for side in sides for value in side.grid()], False)
         while wanted := [(side, value) for side in sides for value in side.middles(precision)]:
@@ -654,7 +636,16 @@ def solve_margin(
         here = _carry_on_all(solvers, sides)
         while wanted := [(side, value) for side in sides for value in side.middles(precision)]:
             solve(wanted, True)
-    return margin()
+    return SolvedMargin(
+        point,
+        here.kinds,
+        tuple(sorted((x for side in sides for x in side.limits()), key=lambda x: x.distance)),
+        tuple(side.line for side in sides),
+        here.beside,
+        limits,
+        sum(len(side.found) - 1 for side in sides) + 1,
+        time.perf_counter() - began,
+    )
 
 
 def _sides(

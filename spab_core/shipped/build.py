@@ -370,6 +370,9 @@ def _is_model(name: str) -> bool:
 
 
 def check_intervals(m: StabilityMap, kind: Model, divisor: int, folder: Path) -> None:
+    """Raise :class:`ArtifactError` where the shipped models behind a model's intervals do not give
+    the scores that are shipped beside them.
+    """
     found = uncertain_map(
         m, kind, divisor, SEED, known=load_shipped_certainty(m, kind, divisor, SEED, folder)
     )

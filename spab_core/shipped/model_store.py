@@ -194,6 +194,7 @@ def predict_with(m: StabilityMap, surrogate: Surrogate, divisor: int) -> Predict
 
 
 def is_shipped(name: str, folder: Path) -> bool:
+    """Return whether the manifest of a folder names a file."""
     try:
         return name in read_manifest(folder)
     except ArtifactError:

@@ -107,7 +107,21 @@ def spread(scores: pd.DataFrame, metric: str) -> pd.DataFrame:
 
 def is_tie(scores: pd.DataFrame, metric: str, first: str, second: str) -> bool:
     """Return whether two models' averages over the fractions differ by chance only: Student's t
-    test, paired by seed. With one seed they always tie.
+    test, paired by seed.
+
+    Parameters
+    ----------
+    scores : DataFrame
+        A row a training, with ``model`` and ``seed``.
+    metric : str
+        A column of it.
+    first, second : str
+        Names of the models.
+
+    Returns
+    -------
+    bool
+        With one seed always true.
     """
     by_seed = scores.pivot_table(index="seed", columns="model", values=metric, aggfunc="mean")
     difference = (by_seed[first] - by_seed[second]).to_numpy()

@@ -1,5 +1,6 @@
 """What tests of pages share: the address, background jobs of one test."""
 
+import json
 import time
 
 import pytest
@@ -62,6 +63,11 @@ def verdicts(at):
     """The boxes that say what a motion is worth."""
     boxes = [box for kind in ("success", "warning", "error") for box in at.get(kind)]
     return [box.value.replace("**", "") for box in boxes if box.icon]
+
+
+def figures(at):
+    """The page's Plotly figures as the browser gets them."""
+    return [json.loads(chart.proto.spec) for chart in at.get("plotly_chart")]
 
 
 def address(at):

@@ -2,8 +2,6 @@
 live line by a real job.
 """
 
-import json
-
 import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
@@ -15,7 +13,7 @@ from spab_core.plotting.theme import GRADE_MARKS
 from spab_core.trajectory.assessment import GRADES
 from spab_core.ui import lines
 from spab_core.ui.verdict import grade_label
-from tests.app.conftest import complaints, start, until_done, verdicts
+from tests.app.conftest import complaints, figures, start, until_done, verdicts
 from tests.conftest import ROOT
 
 PAGE = str(next((ROOT / "pages").glob("*_Bifurcation.py")))
@@ -36,10 +34,6 @@ def opened(**address):
     for key, value in address.items():
         at.query_params[key] = value
     return at.run()
-
-
-def figures(at):
-    return [json.loads(chart.proto.spec) for chart in at.get("plotly_chart")]
 
 
 def panels(figure):

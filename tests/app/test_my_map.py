@@ -2,8 +2,6 @@
 and comparison.
 """
 
-import json
-
 import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
@@ -14,7 +12,7 @@ from spab_core.plotting.theme import GRADE_MARKS
 from spab_core.trajectory.assessment import GRADES
 from spab_core.ui.verdict import grade_label
 from spab_core.ui.view import OWN_LAYERS
-from tests.app.conftest import complaints, start, until_done, until_margin, verdicts
+from tests.app.conftest import complaints, figures, start, until_done, until_margin, verdicts
 from tests.conftest import ROOT
 
 MAP, WHAT_IF = (str(next((ROOT / "pages").glob(f"*_{name}.py"))) for name in ("My_map", "What_if"))
@@ -28,10 +26,6 @@ def opened(page, **state):
     for key, value in state.items():
         at.session_state[key] = value
     return at.run()
-
-
-def figures(at):
-    return [json.loads(chart.proto.spec) for chart in at.get("plotly_chart")]
 
 
 def words(at):

@@ -21,7 +21,7 @@ from spab_core.trajectory.point_file import load_point
 from spab_core.trajectory.settings import Settings
 from spab_core.ui import point as ui
 from spab_core.ui.view import POINT_TABS
-from tests.app.conftest import complaints, verdicts
+from tests.app.conftest import complaints, figures, verdicts
 from tests.conftest import ROOT
 
 PAGE = str(next((ROOT / "pages").glob("*_Operating_point.py")))
@@ -34,10 +34,6 @@ def page(**state):
     for name, value in (COARSE | state).items():
         at.session_state[name] = value
     return at.run()
-
-
-def figures(at):
-    return [json.loads(chart.proto.spec) for chart in at.get("plotly_chart")]
 
 
 def numbers(array):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from spab_core.shipped.manifest import load_reference_map
-from tests.browser.conftest import OUTPUT
+from tests.browser.conftest import OUTPUT, Watched
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -125,14 +125,9 @@ def test_plotly_comes_when_it_is_wanted_at_once(chromium, tools):
 
 def test_click_a_cell(chromium, tools):
     m = load_reference_map()
-    messages, requests = [], []
     with tools.dashboard() as address, tools.browser_page() as page:
-        page.on(
-            "console", lambda entry: messages.append(entry.text) if entry.type == "error" else None
-        )
-        page.on("pageerror", lambda error: messages.append(str(error)))
-        page.on("request", lambda request: requests.append(request.url))
-        page.goto(address)
+        watched = Watched(address)
+        watched.add(page).goto(address)
         tools.settled(page)
         seconds = [
             click_cell(page, m, *m.nearest(mass, number))
@@ -150,11 +145,7 @@ def test_click_a_cell(chromium, tools):
     assert point_words(m, row, column) in text
     assert "Chaotic: never repeats" in text
     assert f"bearing_number={m.bearing_number[row]:.6g}" in shown and "rotor_mass=18" in shown
-    assert not messages, messages
-    assert all(
-        url.startswith((address, address.replace("http", "ws"), "data:", "blob:"))
-        for url in requests
-    ), requests
+    watched.check()
     print("click to answer: " + ", ".join(f"{s:.2f} s" for s in seconds))
 
 

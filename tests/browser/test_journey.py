@@ -15,7 +15,7 @@ from spab_core.shipped.manifest import load_reference_map
 from spab_core.shipped.predicted_maps import load_shipped_map
 from spab_core.surrogates.models import MODELS
 from spab_core.ui.navigation import LABELS
-from tests.browser.conftest import OUTPUT
+from tests.browser.conftest import OUTPUT, Watched
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -37,34 +37,6 @@ def own_page(chromium, tools, tmp_path, monkeypatch):
         watched = Watched(address)
         yield watched.add(page), address
     watched.check()
-
-
-class Watched:
-    """What the browser complains of, and asks of others, in all pages opened."""
-
-    def __init__(self, address):
-        self.address, self.messages, self.requests = address, [], []
-
-    def add(self, page):
-        page.on("console", self._console)
-        page.on("pageerror", lambda error: self.messages.append(str(error)))
-        page.on("request", lambda request: self.requests.append(request.url))
-        return page
-
-    def _console(self, entry):
-        # on an address with a page's name Streamlit looks for its server below that name first, and
-        # tells the 404
-        if entry.type == "error" and not (
-            "404" in entry.text and "/_stcore/" in entry.location["url"]
-        ):
-            self.messages.append(f"{entry.text} {entry.location}")
-
-    def check(self):
-        assert not self.messages, self.messages
-        allowed = (f"{self.address}/", self.address.replace("http", "ws") + "/", "data:", "blob:")
-        assert self.requests and all(url.startswith(allowed) for url in self.requests), (
-            self.requests
-        )
 
 
 def click_cell(page, number, mass, axis=""):

@@ -7,20 +7,15 @@ import time
 import pytest
 
 from spab_core.ui.view import POINT_TABS
-from tests.browser.conftest import OUTPUT
+from tests.browser.conftest import OUTPUT, Watched
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 
 def test_the_operating_point(chromium, tools):
-    messages, requests = [], []
     with tools.dashboard() as address, tools.browser_page() as page:
-        page.on(
-            "console", lambda entry: messages.append(entry.text) if entry.type == "error" else None
-        )
-        page.on("pageerror", lambda error: messages.append(str(error)))
-        page.on("request", lambda request: requests.append(request.url))
-        page.goto(address)
+        watched = Watched(address)
+        watched.add(page).goto(address)
         tools.settled(page)
         page.get_by_role("link", name="Motion in detail").first.click()
         page.get_by_text("revolutions from rest").wait_for(timeout=120_000)
@@ -56,8 +51,4 @@ def test_the_operating_point(chromium, tools):
         )
         copied = page.url
     assert "tab=Film" in copied and "rotor_mass=4.6" in copied
-    assert not messages, messages
-    assert all(
-        url.startswith((address, address.replace("http", "ws"), "data:", "blob:"))
-        for url in requests
-    ), requests
+    watched.check()

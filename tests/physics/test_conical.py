@@ -47,6 +47,7 @@ def test_threshold_is_that_of_the_mass_in_its_place(disc):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("disc", [0.0, 0.1])
 def test_a_wall_that_stores_gas_lowers_both_families_alike(disc):
     """Pneumatic hammer, above half the speed: I_t - I_p/ν over 2 a² is again the critical mass, now

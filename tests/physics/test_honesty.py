@@ -86,6 +86,7 @@ def test_draws_fill_the_ranges():
     assert 40 < sum(d.bearing.supply_pressure_ratio == 1.0 for d, _, _ in drawn) < 80
 
 
+@pytest.mark.slow
 def test_the_designs_that_once_broke_a_promise_are_refused_by_a_sentence_or_keep_it_now():
     """The twelve of 370 that were wrong and the four too slow (wide-...), when ranges had fifteen
     decades, and some found in today's ranges before the solver was mended; values written out."""

@@ -116,6 +116,7 @@ def test_tangent_of_rodas_is_of_order_four(make_run):
     ] == pytest.approx(4.0, abs=0.4)
 
 
+@pytest.mark.slow
 def test_dtm_is_of_its_order(make_run):
     """Order 6; seen on a coarse film at high speed, where the stability limit leaves room for an
     error.

@@ -51,6 +51,7 @@ def test_porous_journal_against_open_air_bearing_itself():
         assert flow == pytest.approx(of_length["flow_l_min"][k], rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", cases.ROTATING, ids=lambda c: f"{c[0]:.3g}-{c[1]}")
 def test_rotating_cylinder_of_butenschoen(case):
     """Sommerfeld number to 0.3 % and angle to 0.15 degrees, as far as five latitudes by 96 azimuths

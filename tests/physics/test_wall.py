@@ -206,6 +206,7 @@ def test_unfed_bearing_with_storage(design):
     assert point.mle.value == pytest.approx(-0.2335, abs=0.007)
 
 
+@pytest.mark.slow
 def test_both_methods_follow_the_same_orbit():
     """The explicit series shares no formula of the implicit step but the mesh."""
     runs = {}

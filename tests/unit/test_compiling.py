@@ -41,6 +41,7 @@ def until_ended():
     assert compiling._background.ended.wait(60)
 
 
+@pytest.mark.slow
 def test_kernels_are_kept_for_one_processor(monkeypatch):
     """Those that another processor has left in a shared folder do not count."""
     program = (
@@ -134,6 +135,7 @@ def test_a_process_that_cannot_be_started_is_told(empty, monkeypatch):
     assert compiling.failure() == "no process could be started: No such file or directory"
 
 
+@pytest.mark.slow
 def test_the_process_ends_with_the_server(tmp_path):
     """Killed, a server leaves no compiler behind."""
     program = (

@@ -57,6 +57,7 @@ def test_bifurcation_line(printed):
     assert cascade == sorted(cascade) and {2, 4, 8} <= set(cascade) <= {2, 4, 8, 16}, text
 
 
+@pytest.mark.slow
 def test_bearing_for_ross(printed, tmp_path):
     text = printed("bearing_for_ross", tmp_path)
     # the mass is that of the eigenvalues of the whole system, which know no coefficients, at 30,000

@@ -171,6 +171,7 @@ def test_a_failed_run_is_exported_too(point):
     assert "section" in loadmat(io.BytesIO(matlab_bytes(data)))
 
 
+@pytest.mark.slow
 def test_the_kind_of_a_file_is_seen(m, line, point, tmp_path):
     save_bifurcation(line, tmp_path / "line.npz")
     save_point(point, tmp_path / "point.npz")

@@ -89,6 +89,7 @@ def test_a_line_is_computed_once_and_found_again(root, design):
     assert find(job.id) is None and list_jobs() == [] and not done.folder.exists()
 
 
+@pytest.mark.slow
 def test_one_runs_the_others_wait_and_a_cancel_stops_all_its_processes(root):
     job = submit("bifurcation", LONG)
     until(job.id, lambda j: j.state == "running" and j.total)
@@ -205,6 +206,7 @@ def test_what_the_work_raises_is_a_sentence(root):
     assert "Traceback" in (job.folder / "log.txt").read_text()
 
 
+@pytest.mark.slow
 def test_a_point_comes_back_whole(root, design, tmp_path):
     settings = TINY | {"method": "dtm"}
     job = submit(

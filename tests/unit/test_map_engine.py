@@ -111,6 +111,7 @@ def test_two_runs_do_not_share_their_parts(design, tmp_path):
         compute_map(design, NUMBERS, MASSES, SHORT, checkpoint=tmp_path / "parts")
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_goes_on_to_the_same_bits(design, alone, tmp_path):
     done = 0
 

@@ -275,6 +275,7 @@ def test_nothing_else_in_the_sources_unpickles():
     ]
 
 
+@pytest.mark.slow
 def test_served_to_this_machine_alone(tmp_path):
     """The configuration says so, and so does the socket of ``spab dashboard``: no other address of
     this machine answers.

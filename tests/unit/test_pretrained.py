@@ -343,6 +343,7 @@ def never(*_, **__):
     raise AssertionError("something was trained")
 
 
+@pytest.mark.slow
 def test_a_point_with_its_interval_is_predicted_without_training(striped, sure, monkeypatch, cache):
     expected = uncertain_map(striped, THEORY, 8)
     surrogate = train_on_map(striped, THEORY, 8).surrogate
@@ -365,6 +366,7 @@ def test_a_point_with_its_interval_is_predicted_without_training(striped, sure, 
     assert np.array_equal(whole.low, expected.low, equal_nan=True)
 
 
+@pytest.mark.slow
 def test_damaged_intervals_are_refused_once_and_trained_again(striped, sure, tmp_path, cache):
     name, folder = intervals_file(THEORY, 8), shutil.copytree(sure, tmp_path / "copy")
     good = load_shipped_certainty(striped, THEORY, 8, folder=folder)

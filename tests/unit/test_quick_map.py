@@ -95,6 +95,7 @@ def test_a_kind_of_motion_names_what_a_cell_is():
     assert len(where) < 30 and set(parts["period"]) == {"0", "1", "2", "3"}
 
 
+@pytest.mark.slow
 def test_assessment_and_contact_are_predicted_with_their_probability(judged, tmp_path):
     m, r = judged
     filled, worth = as_map(r), m.grades()
@@ -229,6 +230,7 @@ def test_what_is_no_scheduler(address):
         check_cluster(address)
 
 
+@pytest.mark.slow
 def test_the_command_maps_and_its_map_has_margins(tmp_path, capsys):
     plane = ["--bearing-number", "2:4:5", "--rotor-mass", "3:9:5"]
     out, filled = tmp_path / "own.npz", tmp_path / "filled.npz"

@@ -324,6 +324,7 @@ def shipped():
     )
 
 
+@pytest.mark.slow
 def test_refining_beats_random_cells_of_the_shipped_map(shipped):
     m = shipped
     inputs = plane_inputs(m.bearing_number, m.rotor_mass)
@@ -476,6 +477,7 @@ solve_live(reference_design(), Path(sys.argv[1]), progress=progress)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("after", [CHUNK, 22])  # in the start, and in a later batch
 def test_a_killed_run_goes_on_to_the_same_bits(design, alone, tmp_path, after):
     environment = os.environ | {"PYTHONPATH": str(ROOT)}

@@ -253,7 +253,6 @@ def test_mass_and_speed_at_once(machine):
 
 
 def test_a_point_at_the_end_of_what_is_allowed():
-    told = []
     found = solve_margin(
         reference_design(),
         1e-3,
@@ -261,12 +260,8 @@ def test_a_point_at_the_end_of_what_is_allowed():
         Settings(transient=30, revolutions=20),
         points=2,
         precision=0.1,
-        report=told.append,
     )
     assert [line.points for line in found.lines] == [0, 2, 0, 2, 0, 1, 0, 0]
-    # told while it grows: first the lines
-    assert [m.solved for m in told] == sorted(m.solved for m in told) and told[0].solved == 6
-    assert (told[-1].limits, told[-1].solved) == (found.limits, found.solved)
     assert any(
         text.startswith("Down in mass: nothing beyond 0.001 kg") for text in found.sentences()
     )

@@ -151,6 +151,7 @@ def test_a_job_runs_is_cancelled_with_its_processes_goes_on_and_is_deleted(windo
     assert jobs.list_jobs() == [] and not done.folder.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pool", ["loky", "processes"])
 def test_worker_processes_end_with_a_parent_whose_number_stays(windows, pool):
     """Also where nobody has waited for the dead parent, as for some minutes in a container."""
@@ -315,6 +316,7 @@ def test_names_of_kernels_are_no_longer_than_what_is_tried():
     assert names and max(map(len, names)) + len(".tmp.0123456789abcdef") <= _kernel_cache._LONGEST
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", LIBRARIES)
 def test_memory_is_bounded_as_far_as_another_c_library_lets(system):
     program = (
@@ -358,6 +360,7 @@ for arguments in json.loads(sys.argv[1]):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoding", ["cp1252", "cp437", "ascii"])
 def test_a_terminal_of_another_alphabet_gets_words_and_no_traceback(
     encoding, windows, root, tmp_path

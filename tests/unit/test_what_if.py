@@ -76,6 +76,7 @@ def test_a_rubbing_machine_has_no_margin_that_regimes_would_give(design):
     assert 17_000.0 < slow.above < 20_000.0
 
 
+@pytest.mark.slow
 def test_sensitivity_is_the_difference_of_margins(design, tmp_path):
     speed = design.speed_rpm(3.0)
     base, table = sensitivity(design, 8.0, speed, "mass", QUICK, step=0.2, scan=3)
