@@ -3,18 +3,21 @@ and error side by side.
 """
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 import streamlit as st
 
+from spab_core.common.words import capital
 from spab_core.plotting.surrogates import reliability_figure, uncertainty_figure
 from spab_core.reporting.export import prediction_table
 from spab_core.shipped.predicted_maps import prediction_npz
-from spab_core.surrogates.classifier import regimes_by_threshold
-from spab_core.surrogates.metrics import errors, regime_scores, uncertainty_scores
+from spab_core.surrogates.classifier import ASSESSMENT, REGIME, Labels, regimes_by_threshold
+from spab_core.surrogates.metrics import errors, label_scores, regime_scores, uncertainty_scores
 from spab_core.surrogates.models import DIVISORS, MODELS
 from spab_core.surrogates.ranking import comparison_words, error_by_regime
 from spab_core.surrogates.uncertainty import reliability
+from spab_core.trajectory.assessment import GRADE_WORDS
 from spab_core.trajectory.regimes import REGIMES
 from spab_core.ui.clicks import clickable, mark_place
 from spab_core.ui.downloads import downloads
@@ -47,6 +50,35 @@ def _chosen_cell() -> tuple[int, int]:
 
 def _compare() -> None:
     state["beside"] = True
+
+
+def _classifier_boxes(labels: Labels, scores: dict[str, Any]) -> None:
+    """Show how well a classifier does on the held-out cells."""
+    words = {value: GRADE_WORDS.get(value, value) for value in labels.values}
+    name, called = capital(labels.name), int(scores["called_best"])
+    boxes = st.columns(4)
+    boxes[0].metric(
+        f"{name} right, classifier",
+        f"{scores['accuracy']:.1%}",
+        help="Held-out cells. Not of the model above: extra trees on linear theory, trained on the "
+        f"{labels.name}s of the same cells, whatever model is chosen",
+    )
+    boxes[1].metric(
+        f"{name} right, balanced",
+        f"{scores['balanced_accuracy']:.1%}",
+        help="Mean of the shares right of each: "
+        + ", ".join(f"{text} {scores[f'recall_{k}']:.1%}" for k, text in words.items()),
+    )
+    boxes[2].metric(
+        f"Called {labels.best}, is not",
+        f"{scores['unsafe_share']:.1%}",
+        help=f"The unsafe error: {scores['unsafe']:,} of the {called:,} cells called {labels.best}",
+    )
+    boxes[3].metric(
+        f"Called {labels.best}, {words[labels.worst]}",
+        f"{scores['worst_called_best']:,} of {called:,}",
+        help=f"Cells called {labels.best} that are {words[labels.worst]}",
+    )
 
 
 def _clicked(number: float, mass: float) -> None:
@@ -224,48 +256,31 @@ if state["sure"] and sure is None:
 elif sure and state["sure"]:
     scores, tested = uncertainty_scores(m, sure), sure.held_out
     bins, _ = reliability(m.regime[tested] != "periodic", sure.unstable[tested])
-    cells = st.columns(5)
+    cells = st.columns(4)
     cells[0].metric(
-        "Regime right, classifier",
-        f"{scores['regime_accuracy']:.1%}",
-        help="Held-out cells. Not of the model above: extra trees on linear theory, trained on the "
-        "regimes of the same cells, whatever model is chosen",
-    )
-    cells[1].metric(
-        "F1 of chaos, classifier", f"{scores['chaos_f1']:.3f}", help="Of the same classifier"
-    )
-    cells[2].metric(
         "Coverage of 90 % intervals",
         f"{scores['coverage']:.1%}",
         help="Share of held-out cells inside; "
         + ", ".join(f"{r} {scores[f'coverage_{r}']:.1%}" for r in REGIMES),
     )
-    cells[3].metric(
+    cells[1].metric(
         "Median width", f"{scores['width']:.3f}", help="Of the intervals, per revolution"
     )
-    cells[4].metric(
+    cells[2].metric(
         "Calibration error",
         f"{scores['calibration_error']:.4f}",
         help="Of the probability of instability: mean gap between the share told and found, ten "
         "bins",
     )
+    cells[3].metric(
+        "F1 of chaos, classifier",
+        f"{scores['classifier_chaos_f1']:.3f}",
+        help="Of the classifier of regimes",
+    )
     with errors_in_words():
         worth = scores_of_assessment(divisor, seed)
-    boxes = st.columns(5)
-    boxes[0].metric(
-        "Assessment accuracy",
-        f"{worth['assessment_accuracy']:.1%}",
-        help="Held-out cells; a classifier of good, to be watched and not recommended, by the "
-        "motion alone, trained on the same cells, whatever the model above",
-    )
-    boxes[1].metric(
-        "Called good that is", f"{worth['good_precision']:.1%}", help="Of cells called good"
-    )
-    boxes[2].metric(
-        "Avoid called good",
-        f"{worth['avoid_called_good']:.2%}",
-        help="Of cells that are not recommended",
-    )
+    _classifier_boxes(ASSESSMENT, worth)
+    _classifier_boxes(REGIME, label_scores(REGIME, m.regime[tested], sure.regime[tested]))
     st.plotly_chart(uncertainty_figure(m, sure), key="sure_maps", width="stretch")
     left, right = st.columns([3, 2], gap="medium")
     left.plotly_chart(reliability_figure(bins), key="reliability", width="stretch")

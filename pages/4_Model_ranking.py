@@ -3,6 +3,7 @@ and a suggestion.
 """
 
 import hashlib
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,14 +12,17 @@ import streamlit as st
 from spab_core.common.words import capital
 from spab_core.jobs.kinds import SAMPLES
 from spab_core.plotting.surrogates import fraction_figure
+from spab_core.surrogates.classifier import ASSESSMENT, REGIME
 from spab_core.surrogates.models import DIVISORS, MODELS
 from spab_core.surrogates.paper import PAPER_RMSE
-from spab_core.surrogates.ranking import ranking, spread, suggestion, table
+from spab_core.surrogates.ranking import classifier_table, ranking, spread, suggestion, table
 from spab_core.surrogates.samples import PER, read_samples, samples_bytes
+from spab_core.trajectory.assessment import GRADE_WORDS
 from spab_core.ui.downloads import downloads
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.shared import (
     block_scores,
+    classifier_scores,
     errors_in_words,
     page_head,
     reference_map,
@@ -30,12 +34,33 @@ from spab_core.ui.view import CELLS, METRICS, TARGETS, choice, chosen_design, de
 
 page_head("model ranking")
 
+
+def _percent(label: str, help: str | None = None) -> Any:
+    """A column of shares."""
+    return st.column_config.NumberColumn(label, format="percent", help=help)
+
+
+def _cells(label: str, help: str | None = None) -> Any:
+    """A column of numbers of cells, means over the seeds."""
+    return st.column_config.NumberColumn(label, format="%.0f", help=help)
+
+
+def _unsafe_words(known: dict[str, pd.DataFrame]) -> str:
+    """How many of the cells called good from the smallest fraction are not, by where they lie."""
+    found = {where: classifier_table(s, ASSESSMENT).iloc[-1] for where, s in known.items()}
+    shares = "; ".join(f"{where} {row['unsafe_share']:.1%}" for where, row in found.items())
+    return (
+        f"Of the cells called good from {next(iter(found.values())).name} of the cells, are not: "
+        f"{shares}. So solve a point that is predicted good before you rely on it."
+    )
+
+
 floor = TARGETS[st.session_state["ranked"]]
 with errors_in_words():
     m, scores, blocks, best_first = (
         reference_map(floor),
         reference_scores(floor),
-        block_scores(),
+        block_scores(floor),
         reference_ranking("held_out", floor),
     )
 
@@ -120,12 +145,11 @@ if len(unfinished):
 st.markdown("## Whole rectangles withheld: held-out RMSE per revolution")
 if blocks is None:
     st.caption(
-        "No scores on withheld rectangles are shipped: `spab evaluate --split blocks` computes "
-        "them."
+        "No scores on withheld rectangles are shipped: `spab evaluate --split blocks"
+        f"{floor_option(floor)}` computes them."
     )
 else:
-    solved = reference_scores()
-    same = solved[solved["divisor"].isin(blocks["divisor"])]
+    same = scores[scores["divisor"].isin(blocks["divisor"])]
     rows = {
         title: table(s, "rmse_held_out").loc["Average"]
         for title, s in (("cells at random", same), ("rectangles", blocks))
@@ -135,9 +159,73 @@ else:
     st.dataframe(beside.style.format("{:.3f}", na_rep=""), width="stretch")
     which = ", ".join(f"n/{k}" for k in sorted(blocks["divisor"].unique()))
     st.caption(
-        f"Exponents as solved, averages over {which}. A quarter of 10 × 10 rectangles of the "
+        f"Exponents as chosen above, averages over {which}. A quarter of 10 × 10 rectangles of the "
         "plane holds no training cell, errors are measured there: what interpolation knows does "
         "not reach inside."
+    )
+
+st.markdown("## Classifiers: is a cell good, and what is its motion?")
+with errors_in_words():
+    told = {
+        "at random": classifier_scores("random"),
+        "in rectangles": classifier_scores("blocks"),
+    }
+known = {where: s for where, s in told.items() if s is not None}
+if not known:
+    st.caption("No scores of classifiers are shipped: `spab evaluate --classifiers` computes them.")
+else:
+    for labels in (ASSESSMENT, REGIME):
+        st.markdown(f"### {capital(labels.name)}")
+        rows = pd.concat(
+            [
+                classifier_table(s, labels).rename_axis("trained on").assign(where=where)
+                for where, s in known.items()
+            ]
+        )
+        words = {value: GRADE_WORDS.get(value, value) for value in labels.values}
+        st.dataframe(
+            rows.reset_index()[
+                ["trained on", "where", "unsafe_share", "unsafe", "called_best"]
+                + ["worst_called_best", "accuracy", "balanced_accuracy"]
+                + [f"recall_{value}" for value in labels.values]
+            ],
+            hide_index=True,
+            height=35 * (len(rows) + 1) + 3,
+            column_config={
+                "where": "held-out cells",
+                "unsafe_share": _percent(
+                    f"called {labels.best}, is not",
+                    help=f"Share of the cells called {labels.best} that are not: the unsafe error",
+                ),
+                "unsafe": _cells("cells", help=f"Called {labels.best} that are not"),
+                "called_best": _cells(f"of called {labels.best}", help="Means over the seeds"),
+                "worst_called_best": _cells(
+                    f"{words[labels.worst]} among them",
+                    help=f"Cells called {labels.best} that are {words[labels.worst]}",
+                ),
+                "accuracy": _percent("right"),
+                "balanced_accuracy": _percent(
+                    "right, balanced", help="Mean of the columns to come"
+                ),
+                **{
+                    f"recall_{value}": _percent(
+                        f"of {text}", help=f"Share of the cells that are {text} and called so"
+                    )
+                    for value, text in words.items()
+                },
+            },
+        )
+    seeds = max(s["seed"].nunique() for s in known.values())
+    st.caption(
+        "Not of the models above: extra trees on linear theory, trained on the labels of the same "
+        f"cells, whatever model and exponents are chosen. Means over {seeds} seeds. The assessment "
+        "is that of the motion alone, by the usual limits. " + _unsafe_words(known)
+    )
+    downloads(
+        "classifiers",
+        {},
+        {f"Classifiers, {where}": s.copy for where, s in known.items()},
+        command="spab evaluate --classifiers --out classifiers.csv",
     )
 
 st.markdown("## Beside the paper: RMSE over the whole map, divided by the map's standard deviation")

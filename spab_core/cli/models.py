@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
@@ -13,11 +14,11 @@ from spab_core.cli.progress import step_bar
 from spab_core.cli.surrogates import held_out_text
 from spab_core.common.errors import InputError
 from spab_core.common.files import check_output, check_writable
-from spab_core.common.validation import check_number
+from spab_core.common.validation import check_choice, check_number
 from spab_core.common.words import count
 from spab_core.maps.stability_map import StabilityMap, load_map
 from spab_core.shipped import model_cache
-from spab_core.shipped.build import rebuild, trainings
+from spab_core.shipped.build import TABLES, make_tables, rebuild, table_rows, trainings
 from spab_core.shipped.manifest import ARTIFACTS, load_reference_map
 from spab_core.shipped.model_files import describe, dump, keep_model, predictions
 from spab_core.shipped.model_store import train_on_map
@@ -52,11 +53,20 @@ def add_commands(commands: Commands) -> None:
         help="scores, predicted maps, the small models and the manifest of --folder",
     )
     sub.add_argument(
+        "--tables",
+        metavar="FILE,...",
+        help="of what --all makes only these tables of scores, and the manifest: "
+        + ", ".join(TABLES),
+    )
+    sub.add_argument(
         "--seeds",
         type=options.whole,
-        help=f"with --all: number of seeds, each with its own cells; default: {len(SEEDS)}",
+        help="with --all or --tables: number of seeds, each with its own cells; default: "
+        f"{len(SEEDS)}",
     )
-    options.add(sub, "--workers", default=None, help="with --all: processes; default: 1")
+    options.add(
+        sub, "--workers", default=None, help="with --all or --tables: processes; default: 1"
+    )
     verifier = options.add_command(
         commands,
         "verify",
@@ -84,13 +94,15 @@ def _map(args: Namespace, folder: Path) -> StabilityMap:
 
 
 def _train(args: Namespace) -> Answer:
-    if args.all == (args.model is not None):
-        raise InputError("give either --model with --divisor, or --all")
-    belongs = {"--all": ("seeds", "workers"), "--model": ("divisor", "seed", "floor", "out")}
-    for option in belongs["--model" if args.all else "--all"]:
+    whole = args.all or args.tables is not None
+    if (args.all and args.tables is not None) or whole == (args.model is not None):
+        raise InputError("give either --model with --divisor, or --all, or --tables")
+    for option in ("divisor", "seed", "floor", "out") if whole else ("seeds", "workers"):
         if getattr(args, option) is not None:
-            raise InputError(f"--{option} belongs to {'--model' if args.all else '--all'}")
-    return _train_all(args) if args.all else _train_one(args)
+            raise InputError(
+                f"--{option} belongs to {'--model' if whole else '--all and --tables'}"
+            )
+    return _train_all(args) if whole else _train_one(args)
 
 
 def _train_all(args: Namespace) -> Answer:
@@ -98,19 +110,33 @@ def _train_all(args: Namespace) -> Answer:
     workers = 1 if args.workers is None else args.workers
     check_number("--seeds", seeds, 1, 1000)
     check_number("--workers", workers, 1, options.MAX_WORKERS)
+    tables = None if args.tables is None else options.listed(args.tables)
+    for name in tables or ():
+        check_choice("--tables", name, tuple(TABLES))
     folder = _folder(args)
     if args.map is not None and args.folder is None:
         raise InputError(
-            "--map with --all needs --folder: artifacts/ holds what is computed from the shipped "
-            "map alone"
+            f"--map with --{'all' if args.all else 'tables'} needs --folder: artifacts/ holds what "
+            "is computed from the shipped map alone"
         )
     check_writable(folder, "what is trained")
     m = _map(args, folder)
     models = list(MODELS.values())
-    total = trainings(models, DIVISORS, range(seeds))
+    total = (
+        trainings(models, DIVISORS, range(seeds))
+        if tables is None
+        else table_rows(tables, DIVISORS, range(seeds))
+    )
     with tqdm(total=total, unit="training", smoothing=0.05) as bar:
-        written = rebuild(
-            m, folder, models=models, seeds=range(seeds), workers=workers, progress=bar.update
+        how: dict[str, Any] = {
+            "seeds": range(seeds),
+            "workers": workers,
+            "progress": bar.update,
+        }
+        written = (
+            rebuild(m, folder, models=models, **how)
+            if tables is None
+            else make_tables(m, tables, folder, **how)
         )
     if not args.json:
         print(

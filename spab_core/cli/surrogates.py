@@ -8,6 +8,7 @@ from argparse import Namespace
 from collections.abc import Iterable
 
 import numpy as np
+import pandas as pd
 from tqdm import tqdm
 
 from spab_core.cli import options
@@ -16,14 +17,13 @@ from spab_core.cli.progress import step_bar
 from spab_core.common.errors import InputError
 from spab_core.common.files import check_output, csv_bytes, write_atomically
 from spab_core.common.validation import check_choice, check_number
-from spab_core.common.words import count
+from spab_core.common.words import capital, count
 from spab_core.design.limits import check_point
 from spab_core.maps.stability_map import StabilityMap, load_map
 from spab_core.shipped.manifest import ARTIFACTS, load_reference_map
 from spab_core.shipped.model_store import find_certainty, find_model, predict_with
 from spab_core.shipped.predicted_maps import prediction_npz
-from spab_core.surrogates.assessment_trees import evaluate_assessments
-from spab_core.surrogates.classifier import predict_regimes
+from spab_core.surrogates.classifier import ASSESSMENT, LABELS, REGIME, Labels, predict_labels
 from spab_core.surrogates.metrics import SEEDS, errors, evaluate
 from spab_core.surrogates.models import (
     DIVISORS,
@@ -62,13 +62,18 @@ def add_commands(commands: Commands) -> None:
     sub.add_argument(
         "--uncertainty",
         action="store_true",
-        help="regime classifier, 90 %% intervals and probability of instability instead of errors",
+        help="90 %% intervals and probability of instability instead of errors",
     )
     sub.add_argument(
         "--assessment",
         action="store_true",
         help="classifier of the assessment (good, to be watched, not recommended) instead of "
         "errors",
+    )
+    sub.add_argument(
+        "--classifiers",
+        action="store_true",
+        help="classifiers of the regime and of the assessment instead of errors",
     )
     sub.add_argument(
         "--divisors",
@@ -120,10 +125,17 @@ def _whole_numbers(text: str, name: str, low: int, high: int) -> list[int]:
 
 
 def _evaluate(args: Namespace) -> Answer:
-    if args.assessment:
-        return _evaluate_assessments(args)
-    names = args.models or (UNCERTAIN if args.uncertainty else ",".join(MODELS))
-    models = [model(name) for name in options.listed(names)]
+    given = [k for k in ("uncertainty", "assessment", "classifiers") if getattr(args, k)]
+    if len(given) > 1:
+        raise InputError(f"--{given[0]} and --{given[1]} exclude each other")
+    models: list[Model | Labels]
+    if args.assessment or args.classifiers:
+        if args.models:
+            raise InputError(f"--models: not allowed with --{given[0]}, which is of classifiers")
+        models = [ASSESSMENT] if args.assessment else list(LABELS.values())
+    else:
+        names = args.models or (UNCERTAIN if args.uncertainty else ",".join(MODELS))
+        models = [model(name) for name in options.listed(names)]
     check_choice("--split", args.split, SPLITS)
     divisors = _whole_numbers(args.divisors, "--divisors", 2, 100_000)
     check_number("--seeds", args.seeds, 1, 1000)
@@ -152,51 +164,64 @@ def _evaluate(args: Namespace) -> Answer:
     }
     where = "held-out cells" if args.split == "random" else "withheld rectangles"
     if args.uncertainty:
-        if not args.json:
-            print(
-                f"Means over seeds, {where}; width: median of the {CONFIDENCE:.0%} intervals, per "
-                "revolution"
-            )
-            means = scores.drop(columns="seed").groupby(["model", "divisor"], sort=False).mean()
-            print(means.T.to_string(float_format="{:.4f}".format))
-        return answer
-    answer["suggestion"] = suggestion(ranking(scores))
+        text = _uncertainty_text(scores, where)
+    elif args.assessment or args.classifiers:
+        text = _classifiers_text(scores, models, where)
+    else:
+        answer["suggestion"] = suggestion(ranking(scores))
+        text = [*_errors_text(scores, where), answer["suggestion"]]
     if not args.json:
-        for title, column in (
-            ("RMSE per revolution", "rmse_held_out"),
-            ("MAE per revolution", "mae_held_out"),
-            ("Regime accuracy by thresholds of the predicted exponent", "regime_accuracy"),
-            ("F1 of chaos, by the same thresholds", "chaos_f1"),
-        ):
-            print(f"{title}, {where}")
-            print(table(scores, column).to_string(float_format="{:.4f}".format))
-        print(answer["suggestion"])
+        print("\n".join(text))
     return answer
 
 
-def _evaluate_assessments(args: Namespace) -> Answer:
-    for option, given in (("--models", args.models), ("--uncertainty", args.uncertainty)):
-        if given:
-            raise InputError(f"{option}: not allowed with --assessment, which has one classifier")
-    check_choice("--split", args.split, SPLITS)
-    divisors = _whole_numbers(args.divisors, "--divisors", 2, 100_000)
-    check_number("--seeds", args.seeds, 1, 1000)
-    if args.out is not None:
-        check_output(args.out, "--out")
-    m = _load(args)
-    with tqdm(total=len(divisors) * args.seeds, unit="training", smoothing=0.05) as bar:
-        scores = evaluate_assessments(m, divisors, range(args.seeds), args.split, bar.update)
-    if args.out is not None:
-        write_atomically(args.out, csv_bytes(scores))
-    if not args.json:
-        where = "held-out cells" if args.split == "random" else "withheld rectangles"
-        print(f"Assessment by its classifier: means over draws, {where}")
-        means = scores.drop(columns="seed").groupby("divisor", sort=False).mean()
-        print(means.T.to_string(float_format="{:.4f}".format))
-    return {
-        "split": args.split,
-        "scores": json.loads(scores.to_json(orient="records", double_precision=15)),
-    }
+def _means(scores: pd.DataFrame, index: list[str]) -> str:
+    means = scores.drop(columns="seed").groupby(index, sort=False).mean(numeric_only=True)
+    text: str = means.T.to_string(float_format="{:.4f}".format, na_rep="")
+    return text
+
+
+def _uncertainty_text(scores: pd.DataFrame, where: str) -> list[str]:
+    """What intervals hold, by model; and apart from it the classifier that all of them share."""
+    shared = [name for name in scores.columns if name.startswith("classifier_")]
+    one = scores[scores["model"] == scores["model"].iloc[0]]
+    return [
+        f"Means over seeds, {where}; width: median of the {CONFIDENCE:.0%} intervals, per "
+        "revolution",
+        _means(scores.drop(columns=shared), ["model", "divisor"]),
+        "Regimes by the classifier, the same for every model",
+        _means(one[["divisor", "seed", *shared]], ["divisor"]),
+    ]
+
+
+def _classifiers_text(scores: pd.DataFrame, models: list[Model | Labels], where: str) -> list[str]:
+    """How well each classifier does, by fraction."""
+    text = []
+    for labels in models:
+        assert isinstance(labels, Labels)
+        rows = scores[scores["model"] == labels.name].drop(columns="model")
+        text += [
+            f"{capital(labels.name)} by its classifier: means over seeds, {where}; unsafe: cells "
+            f"called {labels.best} that are not",
+            _means(rows.dropna(axis="columns", how="all"), ["divisor"]),
+        ]
+    return text
+
+
+def _errors_text(scores: pd.DataFrame, where: str) -> list[str]:
+    """The paper's tables of errors, and regimes by each model's own exponent."""
+    text = []
+    for title, column in (
+        ("RMSE per revolution", "rmse_held_out"),
+        ("MAE per revolution", "mae_held_out"),
+        ("Regime accuracy by thresholds of the predicted exponent", "regime_accuracy"),
+        ("F1 of chaos, by the same thresholds", "chaos_f1"),
+    ):
+        text += [
+            f"{title}, {where}",
+            table(scores, column).to_string(float_format="{:.4f}".format),
+        ]
+    return text
 
 
 def _predict(args: Namespace) -> Answer:
@@ -326,7 +351,7 @@ def _certainty(
     except TooFewCells as error:
         if inside:
             _say([f"no interval: {error}"])
-        classifier = predict_regimes(m, args.divisor, args.seed).classifier
+        classifier = predict_labels(m, REGIME, args.divisor, args.seed).classifier
         return {
             "regime": str(classifier.predict(np.column_stack(at))[0]),
             "interval_90": None,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,11 @@ from spab_core.common.npz import npz_bytes
 from spab_core.maps.stability_map import StabilityMap, load_map, save_map
 from spab_core.shipped.manifest import (
     ARTIFACTS,
+    BLOCK_CLASSIFIERS,
     BLOCK_SCORES,
+    CLASSIFIER_TABLES,
+    CLASSIFIERS,
+    FLOORED_BLOCK_SCORES,
     FLOORED_PREDICTIONS,
     FLOORED_SCORES,
     PREDICTIONS,
@@ -49,6 +53,8 @@ from spab_core.shipped.model_files import (
 from spab_core.shipped.model_store import DEFAULT, train_on_map, training_cells
 from spab_core.shipped.predicted_maps import maps_file
 from spab_core.shipped.provenance import (
+    INTERVALS_RECIPE,
+    classifiers_source,
     design_hash,
     difference,
     intervals_source,
@@ -57,6 +63,7 @@ from spab_core.shipped.provenance import (
     mask_hash,
     model_source,
 )
+from spab_core.surrogates.classifier import LABELS, Labels
 from spab_core.surrogates.metrics import SEEDS, evaluate, uncertainty_scores
 from spab_core.surrogates.models import (
     DIVISORS,
@@ -69,13 +76,18 @@ from spab_core.surrogates.models import (
 )
 from spab_core.surrogates.uncertainty import TooFewCells, certainty, uncertain_map
 
-# tables of errors by file: the models in them (None: all), and options of metrics.evaluate
+# tables of scores by file: the models or classifiers in them (None: all models), and options of
+# metrics.evaluate
 TABLES: dict[str, tuple[tuple[str, ...] | None, dict[str, Any]]] = {
     SCORES: (None, {}),
     BLOCK_SCORES: (None, {"split": "blocks"}),
     UNCERTAINTY: (("theory-trees",), {"uncertainty": True}),
     FLOORED_SCORES: (None, {"floor": FLOOR}),
+    FLOORED_BLOCK_SCORES: (None, {"floor": FLOOR, "split": "blocks"}),
+    CLASSIFIERS: (tuple(LABELS), {}),
+    BLOCK_CLASSIFIERS: (tuple(LABELS), {"split": "blocks"}),
 }
+CLASSIFIER_SEEDS = 5  # at most: a training with its scores takes a second of processor
 ALWAYS = (
     ("forest", 8),
     DEFAULT,
@@ -86,6 +98,7 @@ MAX_FOLDER_BYTES = 40_000_000  # of artifacts/ in all
 STEP = 2.0**-16  # of a shipped exponent, per revolution
 # per revolution, between a shipped map and what its model predicts, on another processor too
 TOLERANCE = STEP
+_Table = tuple[str, list[Model | Labels], dict[str, Any]]
 _COMPRESSION = 10  # more than xz ever gains on a model
 
 
@@ -223,19 +236,14 @@ def rebuild(
     """
     source = made_from(m)
     _check_folder(m, folder, source, divisors)
-    with joblib.parallel_config(backend="loky", inner_max_num_threads=1), threadpool_limits(1):
-        tables = {
-            name: evaluate(m, kinds, divisors, seeds, workers=workers, progress=progress, **options)
-            for name, kinds, options in _tables(models)
-        }
+    written = _score_tables(m, _tables(models, TABLES), divisors, seeds, workers, progress)
     trained = _train_all(m, models, divisors, workers, progress)
-    written = {name: _table_bytes(scores) for name, scores in tables.items()}
     written[PREDICTIONS] = _maps_bytes(m, models, divisors, trained)
     if all(of_figures := _of_figures(m, models, divisors)):
         low = floored(m, FLOOR)
         maps = _train_all(low, *of_figures, workers, progress)
         written[FLOORED_PREDICTIONS] = _maps_bytes(low, *of_figures, maps)
-    sources = dict.fromkeys(written, source)
+    sources = {name: table_source(m, name) for name in written}
     for name, divisor in (job for job in INTERVALS if job in trained):
         with contextlib.suppress(TooFewCells):
             path = intervals_file(MODELS[name], divisor)
@@ -250,6 +258,84 @@ def rebuild(
     _write(m, folder, written)
     write_manifest(folder, sources)
     return {name: len(data) for name, data in written.items()}
+
+
+def make_tables(
+    m: StabilityMap,
+    names: Collection[str],
+    folder: Path = ARTIFACTS,
+    *,
+    divisors: Sequence[int] = DIVISORS,
+    seeds: Sequence[int] = SEEDS,
+    workers: int = 1,
+    progress: Callable[[int], None] | None = None,
+) -> dict[str, int]:
+    """Compute some of the tables that :func:`rebuild` writes, and name them in the manifest; every
+    other file stays.
+
+    Parameters
+    ----------
+    m : StabilityMap
+        That of the folder.
+    names : collection of str
+        Of :data:`TABLES`.
+    folder, divisors, seeds, workers, progress
+        As in :func:`rebuild`; ``progress`` ends at ``table_rows(...)``.
+
+    Returns
+    -------
+    dict
+        Bytes of each file written.
+
+    Raises
+    ------
+    InputError
+        As :func:`rebuild`.
+    """
+    _check_folder(m, folder, made_from(m), divisors)
+    tables = _tables(tuple(MODELS.values()), names)
+    written = _score_tables(m, tables, divisors, seeds, workers, progress)
+    for name, data in written.items():
+        write_atomically(folder / name, data)
+    write_manifest(folder, {name: table_source(m, name) for name in written})
+    return {name: len(data) for name, data in written.items()}
+
+
+def _score_tables(
+    m: StabilityMap,
+    tables: list[_Table],
+    divisors: Sequence[int],
+    seeds: Sequence[int],
+    workers: int,
+    progress: Callable[[int], None] | None,
+) -> dict[str, bytes]:
+    """Return the bytes of tables of :func:`_tables` by file."""
+    with joblib.parallel_config(backend="loky", inner_max_num_threads=1), threadpool_limits(1):
+        scores = {
+            name: evaluate(
+                m,
+                kinds,
+                divisors,
+                _seeds(name, seeds),
+                workers=workers,
+                progress=progress,
+                **options,
+            )
+            for name, kinds, options in tables
+        }
+    return {name: _table_bytes(found) for name, found in scores.items()}
+
+
+def _seeds(name: str, seeds: Sequence[int]) -> Sequence[int]:
+    """Return those of the seeds that a table has."""
+    return seeds[:CLASSIFIER_SEEDS] if name in CLASSIFIER_TABLES else seeds
+
+
+def table_source(m: StabilityMap, name: str) -> dict[str, Any]:
+    """Return what a table, or a file of predicted maps, is made from."""
+    if name == UNCERTAINTY:
+        return made_from(m, INTERVALS_RECIPE)
+    return classifiers_source(m) if name in CLASSIFIER_TABLES else made_from(m)
 
 
 def _check_folder(
@@ -352,17 +438,31 @@ def _write(m: StabilityMap, folder: Path, written: dict[str, bytes]) -> None:
 
 def trainings(models: Sequence[Model], divisors: Sequence[int], seeds: Sequence[int]) -> int:
     """Return the number of trainings in :func:`rebuild`."""
-    rows = sum(len(kinds) for _, kinds, _ in _tables(models)) * len(divisors) * len(seeds)
-    return rows + len(models) * len(divisors)
+    return table_rows(TABLES, divisors, seeds, models) + len(models) * len(divisors)
 
 
-def _tables(models: Sequence[Model]) -> list[tuple[str, list[Model], dict[str, Any]]]:
-    """Return file, models and options of each table that has any of the models."""
-    found = [
-        (name, [kind for kind in models if names is None or kind.name in names], options)
-        for name, (names, options) in TABLES.items()
-    ]
-    return [job for job in found if job[1]]
+def table_rows(
+    names: Collection[str],
+    divisors: Sequence[int],
+    seeds: Sequence[int],
+    models: Sequence[Model] = tuple(MODELS.values()),
+) -> int:
+    """Return the number of trainings in :func:`make_tables`."""
+    rows = sum(len(kinds) * len(_seeds(name, seeds)) for name, kinds, _ in _tables(models, names))
+    return rows * len(divisors)
+
+
+def _tables(models: Sequence[Model], names: Collection[str]) -> list[_Table]:
+    """Return file, models or classifiers, and options of each named table that has any of the
+    models, and of those of classifiers.
+    """
+    known: list[Model | Labels] = [*models, *LABELS.values()]
+    found: list[_Table] = []
+    for name, (of, options) in TABLES.items():
+        kinds = [k for k in known if (isinstance(k, Model) if of is None else k.name in of)]
+        if name in names and kinds:
+            found.append((name, kinds, options))
+    return found
 
 
 def _is_model(name: str) -> bool:

@@ -25,9 +25,14 @@ REFERENCE_MAP = "reference_map.npz"
 SCORES = "surrogate_scores.csv"
 BLOCK_SCORES = "surrogate_scores_blocks.csv"  # on withheld rectangles of the plane
 UNCERTAINTY = "surrogate_uncertainty.csv"  # regimes, intervals, probability of instability
+# how well regime and assessment are told by classifiers
+CLASSIFIERS = "surrogate_classifiers.csv"
+BLOCK_CLASSIFIERS = "surrogate_classifiers_blocks.csv"
+CLASSIFIER_TABLES = (CLASSIFIERS, BLOCK_CLASSIFIERS)
 PREDICTIONS = "surrogate_maps.npz"
 # the same of the map whose exponents end at models.FLOOR
 FLOORED_SCORES = "surrogate_scores_floored.csv"
+FLOORED_BLOCK_SCORES = "surrogate_scores_blocks_floored.csv"
 FLOORED_PREDICTIONS = "surrogate_maps_floored.npz"  # of the paper's models and figures alone
 # measured by benchmarks/surrogates.py: not part of what is rebuilt to the bit
 SECONDS = "surrogate_seconds.csv"
@@ -173,16 +178,19 @@ def load_reference_bifurcation(name: str, folder: Path = ARTIFACTS) -> Bifurcati
 
 
 def load_reference_scores(folder: Path = ARTIFACTS, name: str = SCORES) -> pd.DataFrame:
-    """Load shipped scores of all surrogates on the reference map (``metrics.evaluate``).
+    """Load shipped scores on the reference map (``metrics.evaluate``).
 
-    ``name`` is one of :data:`SCORES`, :data:`BLOCK_SCORES` and those with a floor. Raises
-    :class:`ArtifactError`.
+    ``name`` is one of :data:`SCORES`, :data:`BLOCK_SCORES`, those with a floor, and
+    :data:`CLASSIFIERS`, :data:`BLOCK_CLASSIFIERS`. Raises :class:`ArtifactError`.
     """
+    wanted = {"model", "divisor", "seed"}
+    if name in CLASSIFIER_TABLES:
+        wanted |= {"accuracy", "balanced_accuracy", "called_best", "unsafe", "unsafe_share"}
+    else:
+        wanted |= {"rmse_held_out", "converged"}
     try:
         scores = pd.read_csv(io.BytesIO(checked_bytes(name, folder)))
-        if scores.empty or not {"model", "divisor", "seed", "rmse_held_out", "converged"} <= set(
-            scores.columns
-        ):
+        if scores.empty or not wanted <= set(scores.columns):
             raise ValueError("columns are missing")
     except (OSError, ValueError) as error:
         raise ArtifactError(f"cannot read {name}: {error}") from None

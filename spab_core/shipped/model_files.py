@@ -32,7 +32,7 @@ from spab_core.shipped.provenance import (
     map_hash,
     model_source,
 )
-from spab_core.surrogates.classifier import RegimeTrees
+from spab_core.surrogates.classifier import REGIME, LabelTrees
 from spab_core.surrogates.models import Model, Surrogate, linear_table_of
 from spab_core.surrogates.uncertainty import Certainty, certainty
 
@@ -253,7 +253,8 @@ def load_shipped_certainty(
     fitted, noted = _open_shipped(name, what, wanted, retrain, folder)
     try:
         inner, *trees = fitted
-        first, last = (RegimeTrees(linear_table_of(m), seed).with_trees(forest) for forest in trees)
+        table = linear_table_of(m)
+        first, last = (LabelTrees(REGIME, table, seed).with_trees(forest) for forest in trees)
         surrogate = _around(inner, m, kind, seed, noted["training_cells"], None)
         found = certainty(m, kind, divisor, seed, (surrogate, first, last))
     except Exception as error:

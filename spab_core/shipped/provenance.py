@@ -78,13 +78,13 @@ def recipe_hash(modules: tuple[ModuleType, ...] = RECIPE) -> str:
     return source_hash(Path(str(module.__file__)).read_bytes() for module in modules)
 
 
-def made_from(m: StabilityMap) -> dict[str, Any]:
+def made_from(m: StabilityMap, recipe: tuple[ModuleType, ...] = RECIPE) -> dict[str, Any]:
     """Return everything that results of surrogates on a map depend on: ``versions``, ``recipe``,
     ``design``, ``map``.
     """
     return {
         "versions": versions(),
-        "recipe": recipe_hash(),
+        "recipe": recipe_hash(recipe),
         "design": design_hash(m.design),
         "map": map_hash(m),
     }
@@ -98,6 +98,14 @@ def model_source(m: StabilityMap, kind: Model, divisor: int, seed: int) -> dict[
 def intervals_source(m: StabilityMap, kind: Model, divisor: int, seed: int) -> dict[str, Any]:
     """Return :func:`model_source` for the models behind intervals."""
     return model_source(m, kind, divisor, seed) | {"recipe": recipe_hash(INTERVALS_RECIPE)}
+
+
+def classifiers_source(m: StabilityMap) -> dict[str, Any]:
+    """Return :func:`made_from` for scores of classifiers, with a hash of the map's
+    ``assessments``, whose rules may change.
+    """
+    grades = hashlib.sha256("\n".join(m.grades().ravel().tolist()).encode()).hexdigest()
+    return made_from(m, INTERVALS_RECIPE) | {"assessments": grades}
 
 
 def difference(noted: object, wanted: dict[str, Any]) -> str | None:
@@ -125,6 +133,7 @@ def difference(noted: object, wanted: dict[str, Any]) -> str | None:
         "design": "it was made for another design",
         "map": "it was made from another map",
         "recipe": "the code that makes it has changed since",
+        "assessments": "cells of the map are assessed otherwise since",
     }
     for key in wanted.keys() - {"versions"}:
         if noted.get(key) != wanted[key]:

@@ -13,10 +13,18 @@ import numpy as np
 from spab_core.common.errors import InputError
 from spab_core.design.model import Design, reference_design
 from spab_core.maps.stability_map import StabilityMap
-from spab_core.shipped.build import MAX_FOLDER_BYTES, TABLES, TOLERANCE, _is_model, check_intervals
+from spab_core.shipped.build import (
+    MAX_FOLDER_BYTES,
+    TABLES,
+    TOLERANCE,
+    _is_model,
+    check_intervals,
+    table_source,
+)
 from spab_core.shipped.manifest import (
     ARTIFACTS,
     BIFURCATIONS,
+    CLASSIFIER_TABLES,
     FLOORED_PREDICTIONS,
     PREDICTIONS,
     REFERENCE_MAP,
@@ -31,7 +39,8 @@ from spab_core.shipped.manifest import (
 from spab_core.shipped.model_files import SEED, intervals_file, load_shipped_model, model_file
 from spab_core.shipped.model_store import predict_with
 from spab_core.shipped.predicted_maps import load_shipped_map, maps_file
-from spab_core.shipped.provenance import difference, made_from
+from spab_core.shipped.provenance import difference
+from spab_core.surrogates.classifier import LABELS
 from spab_core.surrogates.metrics import errors
 from spab_core.surrogates.models import DIVISORS, FLOOR, MODELS, floored
 
@@ -97,23 +106,34 @@ def verify(folder: Path = ARTIFACTS) -> Iterator[Check]:
     for name in BIFURCATIONS:
         if name in files:
             yield _checked(f"{name}: a line of the reference bearing", _check_line, name, folder)
-    source = made_from(m)
     for name in (*TABLES, PREDICTIONS, FLOORED_PREDICTIONS):
         apart = (
-            difference(files[name].get("made_from"), source) if name in files else "it is missing"
+            difference(files[name].get("made_from"), table_source(m, name))
+            if name in files
+            else "it is missing"
         )
         yield Check(
             f"{name}: versions, code, design, map",
             f"{apart}; `spab train --all` makes it again" if apart else "",
         )
-    for name, (_, options) in TABLES.items():
-        if options.keys() <= {"floor"}:  # whose predicted maps are shipped
+    for name, (names, options) in TABLES.items():
+        if name in CLASSIFIER_TABLES:
             yield _checked(
-                f"{name}: every model and fraction, and the errors of the shipped maps",
+                f"{name}: every fraction, and counts and shares that agree",
+                _check_classifiers,
+                name,
+                folder,
+            )
+        elif names is None:
+            blocks = "split" in options  # whose predicted maps are not shipped
+            yield _checked(
+                f"{name}: every model and fraction"
+                + ("" if blocks else ", and the errors of the shipped maps"),
                 _check_scores,
                 floored(m, options.get("floor")),
                 name,
                 folder,
+                blocks,
             )
     for name, floor in ((PREDICTIONS, None), (FLOORED_PREDICTIONS, FLOOR)):
         yield _checked(f"{name}: every model and fraction", _check_maps, floored(m, floor), folder)
@@ -161,7 +181,23 @@ def _check_maps(m: StabilityMap, folder: Path) -> None:
                 load_shipped_map(m, kind, divisor, SEED, folder)
 
 
-def _check_scores(m: StabilityMap, name: str, folder: Path) -> None:
+def _check_classifiers(name: str, folder: Path) -> None:
+    rows = load_reference_scores(folder, name).set_index(["model", "divisor", "seed"])
+    if not rows.index.is_unique:
+        raise ArtifactError("it has duplicate rows")
+    for classifier in LABELS:
+        for divisor in DIVISORS:
+            if (classifier, divisor, SEED) not in rows.index:
+                raise ArtifactError(
+                    f"{classifier} n/{divisor} is missing; `spab train --all` makes it again"
+                )
+    called = rows[rows["called_best"] > 0]
+    share = called["unsafe"] / called["called_best"]
+    if not (np.abs(share - called["unsafe_share"]) <= TOLERANCE).all():
+        raise ArtifactError("unsafe_share is not unsafe over called_best")
+
+
+def _check_scores(m: StabilityMap, name: str, folder: Path, blocks: bool) -> None:
     scores = load_reference_scores(folder, name).set_index(["model", "divisor", "seed"])
     if not scores.index.is_unique or not np.isfinite(scores["rmse_held_out"]).all():
         raise ArtifactError("it has duplicate rows, or errors that are not numbers")
@@ -171,7 +207,7 @@ def _check_scores(m: StabilityMap, name: str, folder: Path) -> None:
                 raise ArtifactError(
                     f"{kind.name} n/{divisor} is missing; `spab train --all` makes it again"
                 )
-            if not maps_file(m, kind, divisor):
+            if blocks or not maps_file(m, kind, divisor):
                 continue
             row = scores.loc[kind.name, divisor, SEED]
             for column, value in errors(

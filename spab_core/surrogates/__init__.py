@@ -4,8 +4,7 @@ Module               What it answers
 -------------------  ----------------------------------------
 models               The paper's, interpolation, better ones; training sets; predicted maps
 theory_trees         Regressors that start from linear theory
-classifier           Regimes from the labels of some cells, or from predicted exponents
-assessment_trees     The assessment from the labels of some cells
+classifier           Regime or assessment from the labels of some cells; regimes from exponents
 uncertainty          Conformal intervals, probability of instability and its reliability
 metrics              How well they do: the paper's errors and others
 ranking              Tables, ties, the ranking

@@ -1,10 +1,11 @@
-"""Predict the regime of a point: by a classifier trained on the labels of some cells, or by
-thresholds of a predicted exponent.
+"""Predict the regime of a point, or the assessment of its motion, by a classifier trained on the
+labels of some cells; or the regime by thresholds of a predicted exponent.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from sklearn.tree import DecisionTreeClassifier
 from spab_core.linear_theory.linear_table import LinearFeatures, LinearTable
 from spab_core.maps.stability_map import StabilityMap
 from spab_core.surrogates.models import linear_table_of, solved_cells, split_cells
+from spab_core.trajectory.assessment import GRADES
 from spab_core.trajectory.regimes import REGIMES
 
 TREES = 200
@@ -28,17 +30,48 @@ _SLOPES = (
 )  # borders are lines across the plane: directions to cut along
 
 
-class RegimeTrees(ClassifierMixin, BaseEstimator):
+@dataclass(frozen=True)
+class Labels:
+    """What a classifier tells of a cell.
+
+    Attributes
+    ----------
+    name : str
+    values : tuple of str
+        In the order of probabilities.
+    best, worst : str
+        Of the values: the one that a designer hopes for, and the one that must least be taken for
+        it.
+    of : callable
+        Takes a StabilityMap; returns the labels of its cells, (B, M) of str.
+    """
+
+    name: str
+    values: tuple[str, ...]
+    best: str
+    worst: str
+    of: Callable[[StabilityMap], np.ndarray]
+
+
+REGIME = Labels("regime", REGIMES, "periodic", "chaotic", lambda m: m.regime)
+# of the motion alone, by the usual limits
+ASSESSMENT = Labels("assessment", GRADES, "good", "avoid", lambda m: m.grades())
+LABELS = {labels.name: labels for labels in (REGIME, ASSESSMENT)}
+
+
+class LabelTrees(ClassifierMixin, BaseEstimator):
     """Extra trees on linear theory and on slanted coordinates of the plane.
 
     Parameters
     ----------
+    labels : Labels
     table : LinearTable
         Linear stability of the design.
     seed : int
     """
 
-    def __init__(self, table: LinearTable, seed: int = 0):
+    def __init__(self, labels: Labels, table: LinearTable, seed: int = 0):
+        self.labels = labels
         self.table = table
         self.seed = seed
 
@@ -50,80 +83,77 @@ class RegimeTrees(ClassifierMixin, BaseEstimator):
         )
         return np.column_stack([features, *(a * number + b * mass for a, b in _SLOPES)])
 
-    def fit(self, X: np.ndarray, y: np.ndarray) -> RegimeTrees:
-        """Learn from X (n, 2), bearing number and rotor mass in kg, and regimes y (n,) of str."""
+    def fit(self, X: np.ndarray, y: np.ndarray) -> LabelTrees:
+        """Learn from X (n, 2), bearing number and rotor mass in kg, and labels y (n,) of str."""
         trees = ExtraTreesClassifier(
             TREES, max_features=None, min_samples_leaf=2, random_state=self.seed
         )
         return self.with_trees(trees.fit(self._inputs(X), y))
 
-    def with_trees(self, trees: ExtraTreesClassifier) -> RegimeTrees:
+    def with_trees(self, trees: ExtraTreesClassifier) -> LabelTrees:
         """Use fitted ``trees``, such as the ``trees_`` of another instance; return self."""
-        self.trees_, self.classes_ = trees, np.array(REGIMES)
+        self.trees_, self.classes_ = trees, np.array(self.labels.values)
         return self
 
     def predict_proba(self, X: np.ndarray) -> np.ndarray:
-        """Return probabilities (n, 4) in the order of ``REGIMES``; 0 for a regime absent from the
-        training cells.
+        """Return probabilities (n, labels) in the order of ``labels.values``; 0 for a label absent
+        from the training cells.
         """
-        found = self.trees_.predict_proba(self._inputs(X))
-        columns = [
-            list(self.trees_.classes_).index(r) if r in self.trees_.classes_ else None
-            for r in REGIMES
-        ]
-        return np.column_stack(
-            [np.zeros(len(found)) if c is None else found[:, c] for c in columns]
-        )
+        found, known = self.trees_.predict_proba(self._inputs(X)), self.trees_.classes_
+        return np.column_stack([found[:, known == value].sum(1) for value in self.labels.values])
 
     def predict(self, X: np.ndarray) -> np.ndarray:
-        """Return the most probable regimes (n,)."""
+        """Return the most probable labels (n,)."""
         found: np.ndarray = self.classes_[self.predict_proba(X).argmax(axis=1)]
         return found
 
 
 @dataclass(frozen=True)
-class PredictedRegimes:
-    """Regimes of a map predicted from some of its own cells.
+class PredictedLabels:
+    """Labels of a map predicted from some of its own cells.
 
     Attributes
     ----------
-    classifier : RegimeTrees
+    classifier : LabelTrees
     divisor, seed : int
-    regime : ndarray of str, (B, M)
+    label : ndarray of str, (B, M)
         "" where the map has no exponent.
-    probability : ndarray, (B, M, 4)
-        In the order of ``REGIMES``; nan where the map has no exponent.
+    probability : ndarray, (B, M, labels)
+        In the order of the labels' ``values``; nan where the map has no exponent.
     trained, held_out : ndarray of bool, (B, M)
         The training cells and the cells that scores are measured on, the same as in
         ``surrogates.predict_map`` with this divisor, seed and split.
     train_seconds : float
     """
 
-    classifier: RegimeTrees
+    classifier: LabelTrees
     divisor: int
     seed: int
-    regime: np.ndarray
+    label: np.ndarray
     probability: np.ndarray
     trained: np.ndarray
     held_out: np.ndarray
     train_seconds: float
 
 
-def predict_regimes(
+def predict_labels(
     m: StabilityMap,
+    labels: Labels,
     divisor: int,
     seed: int = 0,
     split: str = "random",
-    classifier: RegimeTrees | None = None,
-) -> PredictedRegimes:
-    """Train the classifier on 1/divisor of a map's cells and predict the regimes of all of them.
+    classifier: LabelTrees | None = None,
+) -> PredictedLabels:
+    """Train the classifier on 1/divisor of a map's cells and predict the labels of all of them.
 
     Parameters
     ----------
     m : StabilityMap
+    labels : Labels
+        Of :data:`LABELS`.
     divisor, seed, split
         As in ``surrogates.predict_map``.
-    classifier : RegimeTrees
+    classifier : LabelTrees
         Already trained on these cells; left out: train one.
 
     Raises
@@ -134,22 +164,23 @@ def predict_regimes(
     index, inputs, _ = solved_cells(m)
     chosen, tested = split_cells(m, divisor, seed, split)
     began = time.perf_counter()
-    classifier = classifier or RegimeTrees(linear_table_of(m), seed).fit(
-        inputs[chosen], m.regime.ravel()[index][chosen]
+    classifier = classifier or LabelTrees(labels, linear_table_of(m), seed).fit(
+        inputs[chosen], labels.of(m).ravel()[index][chosen]
     )
     seconds = time.perf_counter() - began
-    probability = np.full((m.mle.size, len(REGIMES)), np.nan)
+    probability = np.full((m.mle.size, len(labels.values)), np.nan)
     probability[index] = classifier.predict_proba(inputs)
     trained, held_out = np.zeros((2, m.mle.size), bool)
     trained[index[chosen]] = True
     held_out[index[tested]] = True
-    regime = np.full(m.mle.size, "", "<U14")
-    regime[index] = np.array(REGIMES)[probability[index].argmax(axis=1)]
-    return PredictedRegimes(
+    values = np.array(labels.values)
+    label = np.full(m.mle.size, "", values.dtype)
+    label[index] = values[probability[index].argmax(axis=1)]
+    return PredictedLabels(
         classifier,
         divisor,
         seed,
-        regime.reshape(m.shape),
+        label.reshape(m.shape),
         probability.reshape(*m.shape, -1),
         trained.reshape(m.shape),
         held_out.reshape(m.shape),

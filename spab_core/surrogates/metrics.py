@@ -9,10 +9,20 @@ from typing import Any
 import joblib
 import numpy as np
 import pandas as pd
-from sklearn.metrics import accuracy_score, f1_score, mean_absolute_error, root_mean_squared_error
+from sklearn.metrics import (
+    accuracy_score,
+    f1_score,
+    mean_absolute_error,
+    root_mean_squared_error,
+)
 
 from spab_core.maps.stability_map import StabilityMap
-from spab_core.surrogates.classifier import regimes_by_threshold
+from spab_core.surrogates.classifier import (
+    LABELS,
+    Labels,
+    predict_labels,
+    regimes_by_threshold,
+)
 from spab_core.surrogates.models import (
     DIVISORS,
     MODELS,
@@ -89,7 +99,8 @@ def uncertainty_scores(m: StabilityMap, found: MapIntervals) -> dict[str, float]
     Returns
     -------
     dict
-        Of the classifier ``regime_accuracy`` and ``chaos_f1``; of the intervals ``coverage``,
+        Of the classifier of regimes, the same for every model, ``classifier_accuracy`` and
+        ``classifier_chaos_f1``; of the intervals ``coverage``,
         ``coverage_periodic``, ``coverage_quasi-periodic``, ``coverage_chaotic``,
         ``coverage_undecided`` (by the regime that the solver found; nan where there is none) and
         ``width``, the median per revolution; of the probability of instability
@@ -98,7 +109,12 @@ def uncertainty_scores(m: StabilityMap, found: MapIntervals) -> dict[str, float]
     tested = found.held_out
     truth = m.regime[tested]
     inside = ((found.low <= m.mle) & (m.mle <= found.high))[tested]
-    scores = regime_scores(truth, found.regime[tested]) | {"coverage": float(inside.mean())}
+    regimes = regime_scores(truth, found.regime[tested])
+    scores = {
+        "classifier_accuracy": regimes["regime_accuracy"],
+        "classifier_chaos_f1": regimes["chaos_f1"],
+        "coverage": float(inside.mean()),
+    }
     scores |= {
         f"coverage_{r}": float(inside[truth == r].mean()) if (truth == r).any() else math.nan
         for r in REGIMES
@@ -124,9 +140,60 @@ def score_uncertainty(
     )
 
 
+def label_scores(labels: Labels, truth: np.ndarray, said: np.ndarray) -> dict[str, float]:
+    """Return how well predicted labels hold.
+
+    Parameters
+    ----------
+    labels : Labels
+    truth, said : ndarray of str, (n,)
+        Solved and predicted.
+
+    Returns
+    -------
+    dict
+        ``cells`` counted; ``accuracy``; ``balanced_accuracy``, the mean of the recalls;
+        ``recall_LABEL``, the share of cells of a label that are called so, nan where there are
+        none; ``called_best``, the cells called by the best label; ``unsafe``, those of them that
+        have another one; ``unsafe_share``, the latter over the former, nan where nothing is called
+        so; ``worst_called_best``, those of them that have the worst label.
+    """
+    recalls = {
+        name: float((said[truth == name] == name).mean())
+        for name in labels.values
+        if (truth == name).any()
+    }
+    called = truth[said == labels.best]
+    unsafe = int((called != labels.best).sum())
+    return {
+        "cells": len(truth),
+        "accuracy": float((truth == said).mean()) if len(truth) else math.nan,
+        "balanced_accuracy": float(np.mean([*recalls.values()])) if recalls else math.nan,
+        "called_best": len(called),
+        "unsafe": unsafe,
+        "unsafe_share": unsafe / len(called) if len(called) else math.nan,
+        "worst_called_best": int((called == labels.worst).sum()),
+    } | {f"recall_{name}": recalls.get(name, math.nan) for name in labels.values}
+
+
+def score_labels(
+    m: StabilityMap, labels: Labels, divisor: int, seed: int, split: str = "random"
+) -> dict[str, Any]:
+    """Return :func:`label_scores` of a classifier trained on 1/divisor of a map's cells, on the
+    held-out cells, with ``model`` (the labels' name), ``divisor``, ``seed`` and ``train_seconds``.
+    """
+    found = predict_labels(m, labels, divisor, seed, split)
+    tested = found.held_out
+    return (
+        {"model": labels.name, "divisor": divisor, "seed": seed}
+        | label_scores(labels, labels.of(m)[tested], found.label[tested])
+        | {"train_seconds": found.train_seconds}
+    )
+
+
 def evaluate(
     m: StabilityMap,
-    models: Iterable[Model] = tuple(MODELS.values()),
+    models: Iterable[Model | Labels] = tuple(MODELS.values()),
     divisors: Sequence[int] = DIVISORS,
     seeds: Sequence[int] = SEEDS,
     *,
@@ -137,12 +204,13 @@ def evaluate(
     progress: Callable[[int], None] | None = None,
 ) -> pd.DataFrame:
     """Score each combination of model, training fraction and seed, by :func:`score` or
-    :func:`score_uncertainty`.
+    :func:`score_uncertainty`, and of classifiers by :func:`score_labels`.
 
     Parameters
     ----------
     m : StabilityMap
-    models : iterable of Model
+    models : iterable of Model or Labels
+        Models, or what classifiers tell.
     divisors, seeds : sequence of int
     split : str
         Of ``surrogates.SPLITS``.
@@ -186,5 +254,8 @@ def evaluate(
 def _score_by_name(
     m: StabilityMap, name: str, divisor: int, seed: int, split: str, uncertainty: bool
 ) -> dict[str, Any]:
-    kind = MODELS[name]  # models hold functions, which do not travel to another process
+    # by name, for models and labels hold functions, which do not travel to another process
+    if name in LABELS:
+        return score_labels(m, LABELS[name], divisor, seed, split)
+    kind = MODELS[name]
     return (score_uncertainty if uncertainty else score)(m, kind, divisor, seed, split)

@@ -11,6 +11,7 @@ import pandas as pd
 from scipy.stats import ttest_rel
 
 from spab_core.maps.stability_map import StabilityMap
+from spab_core.surrogates.classifier import Labels
 from spab_core.surrogates.metrics import ERRORS
 from spab_core.surrogates.models import MODELS, PredictedMap
 from spab_core.surrogates.uncertainty import CONFIDENCE
@@ -103,6 +104,30 @@ def spread(scores: pd.DataFrame, metric: str) -> pd.DataFrame:
         index="divisor", columns="model", values=metric, aggfunc="std", sort=False
     ).sort_index()
     return found.set_axis([f"n/{k}" for k in found.index])
+
+
+def classifier_table(scores: pd.DataFrame, labels: Labels) -> pd.DataFrame:
+    """Return how well a classifier does from each fraction.
+
+    Parameters
+    ----------
+    scores : DataFrame
+        Of :func:`evaluate` for classifiers.
+    labels : Labels
+
+    Returns
+    -------
+    DataFrame
+        A row for each fraction from n/2 to n/8; columns ``accuracy``, ``balanced_accuracy``,
+        ``recall_LABEL``, ``called_best``, ``unsafe``, ``worst_called_best`` as of
+        ``metrics.label_scores``, means over the seeds, and ``unsafe_share``, ``unsafe`` over
+        ``called_best``.
+    """
+    counts = ["called_best", "unsafe", "worst_called_best"]
+    columns = ["accuracy", "balanced_accuracy", *(f"recall_{k}" for k in labels.values), *counts]
+    rows = scores[scores["model"] == labels.name].groupby("divisor")[columns].mean().sort_index()
+    rows["unsafe_share"] = rows["unsafe"] / rows["called_best"].where(rows["called_best"] > 0)
+    return rows.set_axis([f"n/{k}" for k in rows.index])
 
 
 def is_tie(scores: pd.DataFrame, metric: str, first: str, second: str) -> bool:

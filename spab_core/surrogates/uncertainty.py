@@ -29,7 +29,7 @@ from spab_core.common.files import write_atomically
 from spab_core.common.npz import npz_bytes
 from spab_core.linear_theory.linear_table import LinearFeatures, LinearTable, shipped_table
 from spab_core.maps.stability_map import StabilityMap
-from spab_core.surrogates.classifier import PredictedRegimes, RegimeTrees, predict_regimes
+from spab_core.surrogates.classifier import REGIME, LabelTrees, PredictedLabels, predict_labels
 from spab_core.surrogates.models import (
     Model,
     Surrogate,
@@ -59,13 +59,13 @@ class Uncertainty:
     ----------
     surrogate : Surrogate
         Trained on three quarters of the training cells; the intervals are around its predictions.
-    classifier : RegimeTrees
+    classifier : LabelTrees
         Trained on the same cells.
     calibration_cells : int
     """
 
     surrogate: Surrogate
-    classifier: RegimeTrees
+    classifier: LabelTrees
     calibration_cells: int
     _difficulty: DifficultyEstimator
     _conformal: ConformalRegressor
@@ -105,7 +105,7 @@ def calibrate(
     regime: np.ndarray,
     seed: int = 0,
     table: LinearTable | None = None,
-    trained: tuple[Surrogate, RegimeTrees] | None = None,
+    trained: tuple[Surrogate, LabelTrees] | None = None,
 ) -> Uncertainty:
     """Train on three quarters of the cells and calibrate on the others.
 
@@ -121,7 +121,7 @@ def calibrate(
         Of the split and of the models.
     table : LinearTable
         Of the design; left out: the reference design's.
-    trained : Surrogate and RegimeTrees
+    trained : Surrogate and LabelTrees
         Already trained on these three quarters; left out: train them.
 
     Returns
@@ -145,7 +145,7 @@ def calibrate(
     held, used = order[:count], order[count:]
     surrogate, classifier = trained or (
         train(kind, inputs[used], mle[used], seed, table),
-        RegimeTrees(table, seed).fit(inputs[used], regime[used]),
+        LabelTrees(REGIME, table, seed).fit(inputs[used], regime[used]),
     )
     scale = np.ptp(inputs, axis=0) + 1e-300
     varies = (
@@ -180,12 +180,12 @@ class Certainty:
 
     Attributes
     ----------
-    regimes : RegimeTrees
+    regimes : LabelTrees
         Trained on all training cells.
     calibrated : Uncertainty
     """
 
-    regimes: RegimeTrees
+    regimes: LabelTrees
     calibrated: Uncertainty
 
 
@@ -194,7 +194,7 @@ def certainty(
     kind: Model,
     divisor: int,
     seed: int = 0,
-    trained: tuple[Surrogate, RegimeTrees, RegimeTrees] | None = None,
+    trained: tuple[Surrogate, LabelTrees, LabelTrees] | None = None,
 ) -> Certainty:
     """Train and calibrate what :func:`uncertain_map` needs, without predicting the whole map.
 
@@ -202,7 +202,7 @@ def certainty(
     ----------
     m, kind, divisor, seed
         As in :func:`uncertain_map`.
-    trained : Surrogate, RegimeTrees and RegimeTrees
+    trained : Surrogate, LabelTrees and LabelTrees
         Already trained: the first two on three quarters of the training cells, the last on all of
         them; left out: train them.
 
@@ -219,7 +219,8 @@ def certainty(
         kind, inputs[chosen], mle[chosen], regime, seed, table, trained[:2] if trained else None
     )
     return Certainty(
-        trained[2] if trained else RegimeTrees(table, seed).fit(inputs[chosen], regime), calibrated
+        trained[2] if trained else LabelTrees(REGIME, table, seed).fit(inputs[chosen], regime),
+        calibrated,
     )
 
 
@@ -255,11 +256,11 @@ class MapUncertainty(MapIntervals):
 
     Attributes
     ----------
-    regimes : PredictedRegimes
+    regimes : PredictedLabels
     calibrated : Uncertainty
     """
 
-    regimes: PredictedRegimes
+    regimes: PredictedLabels
     calibrated: Uncertainty
 
 
@@ -295,7 +296,7 @@ def uncertain_map(
     InputError
         If the cells cannot be split so.
     """
-    regimes = predict_regimes(m, divisor, seed, split, known.regimes if known else None)
+    regimes = predict_labels(m, REGIME, divisor, seed, split, known.regimes if known else None)
     progress(1)
     index, inputs, mle = solved_cells(m)
     chosen = regimes.trained.ravel()[index]
@@ -320,7 +321,7 @@ def uncertain_map(
     low, high, unstable = values.reshape(3, *m.shape)
     progress(1)
     return MapUncertainty(
-        low, high, unstable, regimes.regime, regimes.held_out, seconds, regimes, found
+        low, high, unstable, regimes.label, regimes.held_out, seconds, regimes, found
     )
 
 

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -24,7 +25,10 @@ from spab_core.plotting.plain_picture import PlainPicture, picture_of_map
 from spab_core.plotting.surrogates import ERROR_AXES, refinement_figure, surrogate_figure
 from spab_core.shipped.manifest import (
     ARTIFACTS,
+    BLOCK_CLASSIFIERS,
     BLOCK_SCORES,
+    CLASSIFIERS,
+    FLOORED_BLOCK_SCORES,
     FLOORED_PREDICTIONS,
     FLOORED_SCORES,
     PREDICTIONS,
@@ -38,7 +42,8 @@ from spab_core.shipped.manifest import (
 )
 from spab_core.shipped.model_store import PointPrediction, predict_point
 from spab_core.shipped.predicted_maps import ServedMap, find_map
-from spab_core.surrogates.assessment_trees import assessment_scores, predict_assessments
+from spab_core.surrogates.classifier import ASSESSMENT
+from spab_core.surrogates.metrics import score_labels
 from spab_core.surrogates.models import FLOOR, floored, linear_table_of, model
 from spab_core.surrogates.ranking import ranking
 from spab_core.surrogates.uncertainty import MapIntervals, load_intervals
@@ -328,14 +333,13 @@ def _intervals(path: Path, finished: float | None, stamp: float) -> MapIntervals
 
 
 @st.cache_resource(max_entries=8, show_spinner="Training the classifier of the assessment …")
-def _assessments(stamp: float, divisor: int, seed: int) -> dict[str, float]:
-    m = _map(stamp)
-    return assessment_scores(m, predict_assessments(m, divisor, seed))
+def _assessments(stamp: float, divisor: int, seed: int) -> dict[str, Any]:
+    return score_labels(_map(stamp), ASSESSMENT, divisor, seed)
 
 
-def scores_of_assessment(divisor: int, seed: int) -> dict[str, float]:
+def scores_of_assessment(divisor: int, seed: int) -> dict[str, Any]:
     """How well the assessment is predicted from 1/divisor of the reference map's cells
-    (:func:`~spab_core.surrogates.assessment_trees.assessment_scores`), trained here once.
+    (:func:`~spab_core.surrogates.metrics.score_labels`), trained here once.
 
     Raises ``InputError``.
     """
@@ -351,9 +355,10 @@ def intervals_of_job(job: Job) -> MapIntervals:
 
 
 _SCORES = {None: SCORES, FLOOR: FLOORED_SCORES}
+_BLOCK_SCORES = {None: BLOCK_SCORES, FLOOR: FLOORED_BLOCK_SCORES}
 
 
-@st.cache_resource(max_entries=4, show_spinner=False)
+@st.cache_resource(max_entries=8, show_spinner=False)
 def _scores(stamp: float, name: str) -> pd.DataFrame:
     return load_reference_scores(ARTIFACTS, name)
 
@@ -380,10 +385,20 @@ def reference_ranking(kind: str, floor: float | None = None) -> pd.DataFrame:
     return _ranking(_stamp(name), name, kind)
 
 
-def block_scores() -> pd.DataFrame | None:
-    """The shipped scores on withheld rectangles (``spab evaluate --split blocks``), exponents as
-    solved; None where none are shipped. Raises ``InputError``.
+def block_scores(floor: float | None = None) -> pd.DataFrame | None:
+    """The shipped scores on withheld rectangles (``spab evaluate --split blocks``); ``floor`` as
+    for :func:`reference_scores`. None where none are shipped. Raises ``InputError``.
     """
-    if not (ARTIFACTS / BLOCK_SCORES).exists():
-        return None
-    return _scores(_stamp(BLOCK_SCORES), BLOCK_SCORES)
+    return _shipped_scores(_BLOCK_SCORES[floor])
+
+
+def classifier_scores(split: str) -> pd.DataFrame | None:
+    """The shipped scores of the classifiers of regime and assessment (``spab evaluate
+    --classifiers``), ``split`` of ``surrogates.models.SPLITS``. None where none are shipped. Raises
+    ``InputError``.
+    """
+    return _shipped_scores(BLOCK_CLASSIFIERS if split == "blocks" else CLASSIFIERS)
+
+
+def _shipped_scores(name: str) -> pd.DataFrame | None:
+    return _scores(_stamp(name), name) if (ARTIFACTS / name).exists() else None

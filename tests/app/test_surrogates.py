@@ -17,9 +17,11 @@ from streamlit.testing.v1 import AppTest
 from spab_core.jobs.store import cancel, list_jobs
 from spab_core.maps.stability_map import FIELDS, load_map, save_map
 from spab_core.plotting.theme import CHOSEN
-from spab_core.shipped import model_store, predicted_maps
+from spab_core.shipped import build, model_store, predicted_maps
 from spab_core.shipped.build import rebuild
 from spab_core.shipped.manifest import (
+    BLOCK_CLASSIFIERS,
+    CLASSIFIERS,
     FLOORED_SCORES,
     REFERENCE_MAP,
     SCORES,
@@ -142,6 +144,7 @@ def test_the_ranking_is_of_the_chosen_target(small):
 def shipped(small, tmp_path, monkeypatch):
     """The small map's folder with predicted maps and models of the tree."""
     folder = shutil.copytree(small, tmp_path / "shipped")
+    monkeypatch.setattr(build, "TABLES", {})  # the scores that are there stay
     rebuild(
         load_map(folder / REFERENCE_MAP),
         folder,
@@ -267,6 +270,10 @@ def test_how_sure_it_is(own_jobs):
     found = {metric.label: metric.value for metric in at.metric}
     assert 88.0 < float(found["Coverage of 90 % intervals"].rstrip("%")) < 92.0
     assert 95.0 < float(found["Regime right, classifier"].rstrip("%")) <= 100.0
+    row = load_reference_scores(name=CLASSIFIERS).set_index(["model", "divisor", "seed"])
+    for name, best in (("regime", "periodic"), ("assessment", "good")):
+        share = float(found[f"Called {best}, is not"].rstrip("%"))
+        assert share == pytest.approx(100 * row.loc[(name, 8, 0), "unsafe_share"], abs=0.5)
     assert len([t for t in figure(at, 1)["data"] if t["type"] == "heatmap"]) == 2
     assert figure(at, 2)["data"][1]["name"] == "held-out cells"
     solved = int(np.isfinite(load_reference_map().mle).sum())
@@ -289,15 +296,18 @@ def test_wrong_values_in_the_address_are_told_and_the_usual_ones_taken(small, ad
 
 def test_scores_on_withheld_rectangles_stand_beside_the_others(small):
     at = open_page("Model_ranking")
-    assert not at.exception and any("spab evaluate --split blocks" in c.value for c in at.caption)
+    assert not at.exception and any(
+        "spab evaluate --split blocks --floor -1" in c.value for c in at.caption
+    )
     scores = evaluate(
         load_map(small / REFERENCE_MAP),
         [MODELS[k] for k in ("tree", "linear")],
         (2,),
         (0, 1),
         split="blocks",
+        floor=FLOOR,
     )
-    path = small / shared.BLOCK_SCORES
+    path = small / shared.FLOORED_BLOCK_SCORES
     try:
         scores.to_csv(path, index=False)
         write_manifest(small)
@@ -308,12 +318,36 @@ def test_scores_on_withheld_rectangles_stand_beside_the_others(small):
         assert beside["Decision tree"]["rectangles"] == pytest.approx(
             scores[scores.model == "tree"]["rmse_held_out"].mean()
         )
+        at.button_group(key="ranked").select("full").run()  # the table of the other target is not
+        assert any("`spab evaluate --split blocks` computes" in c.value for c in at.caption)
         path.write_text("changed")
         at = open_page("Model_ranking")
-        assert not at.exception and shared.BLOCK_SCORES in at.error[0].value
+        assert not at.exception and path.name in at.error[0].value
     finally:
         path.unlink()
         write_manifest(small)
+
+
+def test_classifiers_stand_apart_from_the_models():
+    """Of the shipped map; the models' tables tell nothing of regimes."""
+    at = open_page("Model_ranking")
+    assert not at.exception and not complaints(at)
+    grades, regimes = (
+        frame.value for frame in at.dataframe if "unsafe_share" in frame.value.columns
+    )
+    for name, frame in (("assessment", grades), ("regime", regimes)):
+        assert list(frame["trained on"]) == [f"n/{k}" for k in DIVISORS] * 2
+        for table, where in ((CLASSIFIERS, "at random"), (BLOCK_CLASSIFIERS, "in rectangles")):
+            scores = load_reference_scores(name=table)
+            rows = scores[(scores["model"] == name) & (scores["divisor"] == 4)]
+            shown = frame[(frame["trained on"] == "n/4") & (frame["where"] == where)].iloc[0]
+            assert shown["balanced_accuracy"] == pytest.approx(rows["balanced_accuracy"].mean())
+            assert shown["unsafe"] == pytest.approx(rows["unsafe"].mean())
+            assert shown["unsafe_share"] == pytest.approx(
+                rows["unsafe"].sum() / rows["called_best"].sum()
+            )
+    others = [frame.value for frame in at.dataframe if "unsafe_share" not in frame.value.columns]
+    assert not [c for f in others for c in f.columns if "regime" in c or "accuracy" in c]
 
 
 def test_model_ranking(small):

@@ -4,6 +4,20 @@ import pytest
 
 from spab_core.jobs import store as jobs
 from spab_core.jobs.store import cancel, list_jobs
+from spab_core.shipped import build
+from spab_core.surrogates import classifier
+
+
+@pytest.fixture(scope="module")
+def one_table():
+    """The first table of scores only is made: the others take as long again, and intervals need
+    more cells than small maps have. Classifiers have few trees.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(classifier, "TREES", 20)
+        for other in set(build.TABLES) - {build.SCORES}:
+            patch.delitem(build.TABLES, other)
+        yield
 
 
 @pytest.fixture

@@ -17,31 +17,36 @@ from spab_core.cli import surrogates as cli_surrogates
 from spab_core.cli.main import main
 from spab_core.maps.stability_map import FIELDS, save_map
 from spab_core.shipped import build as release
+from spab_core.shipped import verify as verifier
 from spab_core.shipped.build import MAX_FOLDER_BYTES, _choose, rebuild
 from spab_core.shipped.manifest import (
     ARTIFACTS,
+    CLASSIFIERS,
     PREDICTIONS,
     REFERENCE_MAP,
     SCORES,
+    ArtifactError,
     load_reference_map,
+    load_reference_scores,
     sha256,
     write_manifest,
 )
 from spab_core.shipped.model_files import predictions
+from spab_core.shipped.provenance import difference
 from spab_core.shipped.verify import verify
 from spab_core.surrogates.models import DIVISORS, MODELS, Surrogate
 from tests.conftest import ROOT
 from tests.maps import map_of
 
+ALL_TABLES = dict(release.TABLES)
+
 
 @pytest.fixture(scope="module", autouse=True)
-def one_table():
-    """The first table of errors only: the others take as long again, and intervals need more cells
-    than these maps have.
-    """
+def some_models(one_table):
+    """A model of each group; the others are trained alike."""
     with pytest.MonkeyPatch.context() as patch:
-        for other in set(release.TABLES) - {SCORES}:
-            patch.delitem(release.TABLES, other)
+        for name in set(MODELS) - {"mlp", "svr", "tree", "forest", "linear", "theory-trees"}:
+            patch.delitem(MODELS, name)
         yield
 
 
@@ -89,7 +94,8 @@ def test_rebuilding_gives_the_same_bytes(tmp_path, map_file):
     code = (
         "import sys; from pathlib import Path; from spab_core.shipped import build as release\n"
         "from spab_core.shipped.build import rebuild\n"
-        "[release.TABLES.pop(k) for k in set(release.TABLES) - {release.SCORES}]\n"
+        "kept = {release.SCORES, release.CLASSIFIERS}\n"
+        "[release.TABLES.pop(k) for k in set(release.TABLES) - kept]\n"
         "from spab_core.maps.stability_map import load_map; from spab_core.surrogates.models "
         "import MODELS\n"
         f"rebuild(load_map(sys.argv[1]), Path(sys.argv[2]), models=[MODELS[k] for k in {names}], "
@@ -110,11 +116,13 @@ def test_rebuilding_gives_the_same_bytes(tmp_path, map_file):
         sums.append({path.name: sha256(path) for path in target.iterdir()})
     assert sums[0] == sums[1] and {
         SCORES,
+        CLASSIFIERS,
         PREDICTIONS,
         "manifest.json",
         "surrogate_mlp_n4.joblib",
     } <= set(sums[0])
-    assert "seconds" not in (tmp_path / "0" / SCORES).read_text().splitlines()[0]
+    for name in (SCORES, CLASSIFIERS):
+        assert "seconds" not in (tmp_path / "0" / name).read_text().splitlines()[0]
 
 
 @pytest.mark.slow
@@ -240,6 +248,37 @@ def test_a_folder_with_another_map_is_left_alone(capsys, folder):
     assert before == {path.name: sha256(path) for path in folder.iterdir()}
 
 
+def test_some_tables_are_made_alone(capsys, folder, monkeypatch):
+    """The classifiers' are complete and named; every other file keeps its bytes."""
+    monkeypatch.setitem(release.TABLES, CLASSIFIERS, ALL_TABLES[CLASSIFIERS])
+    before = {path.name: sha256(path) for path in folder.glob("*.*")}
+    argv = ["train", "--tables", CLASSIFIERS, "--folder", str(folder), "--seeds", "1", "--json"]
+    assert main(argv) == 0
+    assert list(json.loads(capsys.readouterr().out)["files"]) == [CLASSIFIERS]
+    after = {path.name: sha256(path) for path in folder.glob("*.*")}
+    assert {name for name in after if before.get(name) != after[name]} == {
+        CLASSIFIERS,
+        "manifest.json",
+    }
+    scores = load_reference_scores(folder, CLASSIFIERS)
+    assert len(scores) == 2 * len(DIVISORS) and set(scores["model"]) == {"regime", "assessment"}
+    verifier._check_classifiers(CLASSIFIERS, folder)
+    text = (folder / CLASSIFIERS).read_text()
+    for spoilt, words in (
+        (text.rsplit("assessment,8", 1)[0], "n/8 is missing"),
+        (scores.assign(unsafe=scores["called_best"]).to_csv(index=False), "unsafe over"),
+    ):
+        noted = json.loads((folder / "manifest.json").read_text())["files"][CLASSIFIERS]
+        (folder / CLASSIFIERS).write_text(spoilt)
+        write_manifest(folder, {CLASSIFIERS: noted["made_from"]})
+        with pytest.raises(ArtifactError, match=words):
+            verifier._check_classifiers(CLASSIFIERS, folder)
+    noted = json.loads((folder / "manifest.json").read_text())["files"][CLASSIFIERS]["made_from"]
+    now = release.table_source(load_reference_map(folder), CLASSIFIERS)
+    assert difference(noted, now) is None
+    assert "assessed otherwise" in str(difference(noted | {"assessments": "0"}, now))
+
+
 def test_models_that_no_longer_belong_are_removed(folder, small):
     rebuild(small, folder, models=[MODELS["tree"]], divisors=(2,), seeds=(0,))
     assert [p.name for p in folder.glob("*.joblib")] == ["surrogate_tree_n2.joblib"]
@@ -334,6 +373,9 @@ def test_train_without_a_place_to_keep_it(capsys, map_file, monkeypatch):
             ["--out", "/nowhere"],
         ),
         (["train", "--all", "--divisor", "2"], ["--divisor", "--model"]),
+        (["train", "--all", "--tables", SCORES], ["--tables", "--all"]),
+        (["train", "--tables", f"{SCORES},x"], ["--tables", "x", SCORES]),
+        (["train", "--tables", SCORES], ["--map", "--folder"]),
         (["train", "--all", "--out", "x"], ["--out", "--model"]),
         (["train", "--all", "--seeds", "0"], ["--seeds", "0"]),
         (["train", "--all", "--workers", "0"], ["--workers", "0"]),

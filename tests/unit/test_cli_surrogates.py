@@ -103,13 +103,23 @@ def test_evaluate_regimes_and_intervals_and_blocks(capsys, tmp_path, map_file):
     assert main([*argv, "--uncertainty", "--models", "tree", "--out", str(out), "--json"]) == 0
     scores = json.loads(capsys.readouterr().out)["scores"]
     assert len(scores) == 2 and scores[0]["coverage_quasi-periodic"] is None  # this map has none
-    assert all(0.5 < s["coverage"] <= 1.0 and 0.8 < s["regime_accuracy"] <= 1.0 for s in scores)
+    assert all(0.5 < s["coverage"] <= 1.0 and 0.8 < s["classifier_accuracy"] <= 1.0 for s in scores)
+    assert main([*argv, "--uncertainty", "--models", "tree"]) == 0
+    text = capsys.readouterr().out
+    assert text.index("Regimes by the classifier") < text.index("classifier_accuracy")
     with out.open() as file:
         assert float(next(csv.DictReader(file))["coverage"]) == pytest.approx(scores[0]["coverage"])
     assert main([*argv, "--assessment", "--out", str(out), "--json"]) == 0
     scores = json.loads(capsys.readouterr().out)["scores"]
-    assert [s["seed"] for s in scores] == [0, 1] and set(scores[0]) > {"good_precision"}
-    assert all(0.8 < s["assessment_accuracy"] <= 1.0 for s in scores)
+    assert [(s["model"], s["seed"]) for s in scores] == [("assessment", 0), ("assessment", 1)]
+    assert all(0.8 < s["accuracy"] <= 1.0 for s in scores)
+    assert main([*argv, "--classifiers", "--split", "blocks", "--json"]) == 0
+    both = json.loads(capsys.readouterr().out)["scores"]
+    assert [s["model"] for s in both] == ["regime"] * 2 + ["assessment"] * 2
+    assert all(s["recall_undecided"] is None and 0 <= s["unsafe"] <= s["called_best"] for s in both)
+    assert main([*argv, "--classifiers"]) == 0
+    text = capsys.readouterr().out
+    assert "Assessment by its classifier" in text and "recall_good" in text
     assert (
         main([*argv, "--models", "nearest,tree", "--split", "blocks"]) == 0
     )  # one fraction: no spread to rank by
@@ -128,6 +138,7 @@ def test_evaluate_regimes_and_intervals_and_blocks(capsys, tmp_path, map_file):
         (["evaluate", "--split", "blocks", "--divisors", "64"], ["1/64", "at least 8 cells"]),
         (["evaluate", "--uncertainty", "--divisors", "8"], ["31 training cells", "at least 80"]),
         (["evaluate", "--assessment", "--models", "tree"], ["--models", "not allowed"]),
+        (["evaluate", "--assessment", "--uncertainty"], ["--uncertainty", "--assessment"]),
         (["evaluate", "--models", "oracle"], ["model", "oracle", "forest"]),
         (["evaluate", "--divisors", "2,x"], ["--divisors", "2,x", "whole numbers"]),
         (["evaluate", "--divisors", "1"], ["--divisors", "1", "from 2"]),

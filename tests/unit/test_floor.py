@@ -10,6 +10,7 @@ from spab_core.cli.main import main
 from spab_core.common.errors import InputError
 from spab_core.linear_theory.linear_table import LinearFeatures, shipped_table
 from spab_core.maps.stability_map import load_map, save_map
+from spab_core.shipped import build
 from spab_core.shipped.build import rebuild, rounded
 from spab_core.shipped.manifest import (
     FLOORED_PREDICTIONS,
@@ -100,6 +101,7 @@ def test_linear_theory_ends_at_the_floor_too():
 def test_a_model_of_a_floored_map_is_kept_apart(m, tmp_path, monkeypatch):
     """Nothing that was shipped or kept for the map as solved is taken for it."""
     monkeypatch.setenv("SPAB_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(build, "TABLES", {FLOORED_SCORES: build.TABLES[FLOORED_SCORES]})
     folder, cut = tmp_path / "shipped", floored(m, FLOOR)
     folder.mkdir()
     rebuild(m, folder, models=[TREE, MODELS["linear"]], divisors=(2, 3), seeds=(0,))

@@ -47,6 +47,7 @@ from spab_core.surrogates.models import MODELS, model
 from spab_core.surrogates.uncertainty import uncertain_map
 from tests.maps import map_of, striped_map, with_hole
 
+pytestmark = pytest.mark.usefixtures("one_table")
 TREE = model("tree")
 TREE_FILE = model_file(TREE, 2)
 
@@ -349,7 +350,7 @@ def test_a_point_with_its_interval_is_predicted_without_training(striped, sure, 
     surrogate = train_on_map(striped, THEORY, 8).surrogate
     monkeypatch.setattr("spab_core.surrogates.uncertainty.train", never)
     monkeypatch.setattr("spab_core.surrogates.models.train", never)
-    monkeypatch.setattr("spab_core.surrogates.classifier.RegimeTrees.fit", never)
+    monkeypatch.setattr("spab_core.surrogates.classifier.LabelTrees.fit", never)
     for row, column in ((5, 7), (30, 20), (39, 49)):
         number, mass = striped.bearing_number[row], striped.rotor_mass[column]
         found = predict_point(striped, mass, number, THEORY, 8, folder=sure)

@@ -1,18 +1,43 @@
 """Regimes, intervals and probabilities on maps whose borders and noise are known."""
 
 import dataclasses
+import io
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from spab_core.common.errors import InputError
 from spab_core.linear_theory.linear_table import LinearFeatures, shipped_table
-from spab_core.surrogates.assessment_trees import assessment_scores, predict_assessments
-from spab_core.surrogates.classifier import predict_regimes, regimes_by_threshold
-from spab_core.surrogates.metrics import evaluate, regime_scores, uncertainty_scores
-from spab_core.surrogates.models import model, predict_map, solved_cells
+from spab_core.shipped.build import CLASSIFIER_SEEDS
+from spab_core.shipped.manifest import (
+    BLOCK_CLASSIFIERS,
+    CLASSIFIERS,
+    FLOORED_SCORES,
+    SCORES,
+    UNCERTAINTY,
+    checked_bytes,
+    load_reference_map,
+    load_reference_scores,
+)
+from spab_core.shipped.predicted_maps import load_shipped_map
+from spab_core.surrogates.classifier import (
+    ASSESSMENT,
+    LABELS,
+    REGIME,
+    predict_labels,
+    regimes_by_threshold,
+)
+from spab_core.surrogates.metrics import (
+    evaluate,
+    label_scores,
+    regime_scores,
+    score_labels,
+    uncertainty_scores,
+)
+from spab_core.surrogates.models import DIVISORS, FLOOR, floored, model, predict_map, solved_cells
 from spab_core.surrogates.ranking import comparison_words
 from spab_core.surrogates.theory_trees import baseline
 from spab_core.surrogates.uncertainty import (
@@ -30,9 +55,9 @@ from tests.maps import map_of, striped_map, with_hole
 
 def test_the_classifier_finds_slanted_borders():
     m = with_hole(striped_map())
-    found = predict_regimes(m, 4, seed=1)
+    found = predict_labels(m, REGIME, 4, seed=1)
     assert (
-        found.regime[3, 4] == ""
+        found.label[3, 4] == ""
         and np.isnan(found.probability[3, 4]).all()
         and not found.held_out[3, 4]
     )
@@ -43,31 +68,94 @@ def test_the_classifier_finds_slanted_borders():
     assert (
         not (tested & found.trained).any() and tested.sum() + found.trained.sum() == m.mle.size - 1
     )
-    assert (found.regime[tested] == m.regime[tested]).mean() > 0.97
+    assert (found.label[tested] == m.regime[tested]).mean() > 0.97
     assert found.probability[tested].sum(axis=1) == pytest.approx(1.0)
-    again = predict_regimes(m, 4, seed=1)
+    again = predict_labels(m, REGIME, 4, seed=1)
     assert np.array_equal(found.probability, again.probability, equal_nan=True)
 
 
 def test_the_classifier_of_the_assessment_is_right_on_held_out_cells_and_rarely_too_kind():
     m = with_hole(striped_map())
-    found = predict_assessments(m, 4, seed=1)
-    scores, known = assessment_scores(m, found), np.isfinite(m.mle)
-    assert scores["assessment_accuracy"] > 0.97
-    assert scores["good_precision"] > 0.95 and scores["avoid_called_good"] < 0.05
+    found, known = predict_labels(m, ASSESSMENT, 4, seed=1), np.isfinite(m.mle)
+    scores = score_labels(m, ASSESSMENT, 4, 1)
+    assert scores["accuracy"] > 0.97 and scores["unsafe_share"] < 0.05
     assert np.allclose(found.probability[known].sum(-1), 1.0)
-    assert np.isin(found.assessment[known], GRADES).all() and not found.assessment[~known].any()
-    assert np.array_equal(found.held_out, predict_regimes(m, 4, seed=1).held_out)
+    assert np.isin(found.label[known], GRADES).all() and not found.label[~known].any()
+    assert np.array_equal(found.held_out, predict_labels(m, REGIME, 4, seed=1).held_out)
+
+
+@given(st.lists(st.tuples(st.sampled_from(GRADES), st.sampled_from(GRADES)), max_size=30))
+def test_scores_of_labels_by_hand(pairs):
+    truth, said = (np.array([pair[k] for pair in pairs], "<U5") for k in (0, 1))
+    found = label_scores(ASSESSMENT, truth, said)
+    called = [t for t, s in pairs if s == "good"]
+    assert (found["cells"], found["called_best"]) == (len(pairs), len(called))
+    assert found["unsafe"] == sum(t != "good" for t in called)
+    assert found["worst_called_best"] == called.count("avoid")
+    recalls = {}
+    for grade in GRADES:
+        of = [s for t, s in pairs if t == grade]
+        recalls[grade] = of.count(grade) / len(of) if of else np.nan
+    expected = {
+        "accuracy": sum(t == s for t, s in pairs) / len(pairs) if pairs else np.nan,
+        "balanced_accuracy": np.nanmean([*recalls.values()]) if pairs else np.nan,
+        "unsafe_share": found["unsafe"] / len(called) if called else np.nan,
+    } | {f"recall_{grade}": value for grade, value in recalls.items()}
+    assert {k: found[k] for k in expected} == pytest.approx(expected, nan_ok=True)
+
+
+def test_shipped_scores_of_classifiers_are_those_of_the_shipped_map():
+    """Each fraction and seed, the same regimes as those beside the intervals, and the scores that
+    a training here gives, whatever ties another processor breaks.
+    """
+    m = load_reference_map()
+    tables = {
+        "random": load_reference_scores(name=CLASSIFIERS),
+        "blocks": load_reference_scores(name=BLOCK_CLASSIFIERS),
+    }
+    intervals = pd.read_csv(io.BytesIO(checked_bytes(UNCERTAINTY)))
+    rows = tables["random"].merge(intervals, on=["divisor", "seed"], suffixes=("", "_theory"))
+    rows = rows[rows["model"] == "regime"]
+    assert len(rows) == len(DIVISORS) * CLASSIFIER_SEEDS
+    assert rows["accuracy"].to_numpy() == pytest.approx(rows["classifier_accuracy"].to_numpy())
+    for split, scores in tables.items():
+        assert len(scores) == 2 * len(rows)
+        (row,) = scores[
+            (scores["model"] == "assessment") & (scores["divisor"] == 8) & (scores["seed"] == 3)
+        ].to_dict("records")
+        found = score_labels(m, LABELS["assessment"], 8, 3, split)
+        assert found["cells"] == row["cells"]
+        assert found["accuracy"] == pytest.approx(row["accuracy"], abs=0.003)
+        assert found["unsafe_share"] == pytest.approx(row["unsafe_share"], abs=0.03)
+
+
+@pytest.mark.parametrize(
+    "name, floor", [(SCORES, None), (FLOORED_SCORES, FLOOR)], ids=["solved", "floored"]
+)
+def test_no_accuracy_of_a_classifier_stands_under_a_model(name, floor):
+    """That of the MLP is by its own exponents, which the shipped map has."""
+    m = floored(load_reference_map(), floor)
+    scores = load_reference_scores(name=name).set_index(["model", "divisor", "seed"])
+    predicted = load_shipped_map(m, model("mlp"), 8)
+    own = regimes_by_threshold(
+        predicted.mle[predicted.held_out], m.mle[predicted.trained], m.regime[predicted.trained]
+    )
+    right = (own == m.regime[predicted.held_out]).mean()
+    assert scores.loc[("mlp", 8, 0), "regime_accuracy"] == pytest.approx(right, abs=0.002)
+    assert right < 0.8  # as no classifier's
+    assert not [c for c in scores.columns if "classifier" in c or "assessment" in c]
+    intervals = pd.read_csv(io.BytesIO(checked_bytes(UNCERTAINTY)))
+    assert "regime_accuracy" not in intervals and "chaos_f1" not in intervals
 
 
 def test_a_map_with_one_regime_only():
     m = map_of(lambda number, mass: -number)
     found = uncertain_map(m, model("tree"), 2)
-    assert (found.regimes.regime == "periodic").all() and (found.unstable == 0.0).all()
+    assert (found.regimes.label == "periodic").all() and (found.unstable == 0.0).all()
     scores = uncertainty_scores(m, found)
     assert (
-        scores["regime_accuracy"] == 1.0
-        and np.isnan(scores["chaos_f1"])
+        scores["classifier_accuracy"] == 1.0
+        and np.isnan(scores["classifier_chaos_f1"])
         and np.isnan(scores["coverage_chaotic"])
     )
 
@@ -170,7 +258,7 @@ def test_blocks_withhold_whole_rectangles():
     )
     blocks = found.held_out.reshape(10, 4, 10, 5).sum(axis=(1, 3))
     assert set(blocks.ravel().tolist()) <= {0, 19, 20} and (blocks > 0).sum() == 25
-    assert np.array_equal(found.held_out, predict_regimes(m, 4, 2, "blocks").held_out)
+    assert np.array_equal(found.held_out, predict_labels(m, REGIME, 4, 2, "blocks").held_out)
     random = predict_map(m, model("nearest"), 4, 2)
     assert not np.array_equal(found.trained, random.trained)
 
