@@ -21,7 +21,7 @@ OLDEST := $(addprefix tests/unit/test_,design.py form.py export.py threads.py ke
   $(addprefix tests/physics/test_,film.py integrators.py points.py) $(addprefix tests/app/test_,about.py view.py home.py my_bearing.py)
 
 .PHONY: run test test-fast coverage compiled test-foreign test-python oldest test-oldest licences lint lock map train verify bifurcations audit \
-  linear-table refined manifest pictures results docs clean another-python
+  linear-table refined preset-maps manifest pictures results docs clean another-python
 
 run: $(VENV)/.ready
 	$(BIN)/spab dashboard
@@ -117,6 +117,11 @@ refined: $(VENV)/.ready
 # the pictures of docs/results.md, drawn in Chromium
 results: $(VENV)/.ready
 	$(BIN)/python docs/draw_results.py
+
+# maps of the presets, 256 cells each: ten minutes; an interrupted run goes on. Where the solver's code changed and its answers
+# did not, `.venv/bin/python -m spab_core.shipped.preset_maps --restamp` shows it on some cells and names the present code
+preset-maps: $(VENV)/.ready
+	$(BIN)/python -m spab_core.shipped.preset_maps
 
 # linear stability of the reference design over the plane, an input of surrogates: half a minute
 linear-table: $(VENV)/.ready

@@ -147,9 +147,7 @@ def own_picture() -> DeltaGenerator:
     if own:
         st.markdown("## Stability map of this design")
         box = st.container(key="map_box", gap=None)
-        st.caption(
-            f"{own_map.job_words(own[0])}. Dots are solved cells, colours between predicted."
-        )
+        st.caption(f"{own.words}. Dots are solved cells, colours between predicted.")
         page_link("My_map", "Open this map")
         return box
     st.markdown("## The motion of this design")
@@ -251,7 +249,7 @@ def _numbers(point: OperatingPoint, box: DeltaGenerator, beside: bool) -> DeltaG
 with right:
     place = (number, mass)
     if plotly_wanted() and (is_reference() or own):
-        key = shown if is_reference() else (own[0].id, own[1][0].solved.sum()) if own else ()
+        key = shown if is_reference() else (own.id, own.found[0].solved.sum()) if own else ()
         place = mark_place("map", key, place)
     map_place = example_map() if is_reference() else own_picture()
 
@@ -263,7 +261,7 @@ finally:  # also where the point cannot be solved
     if plotly_wanted() and (is_reference() or own):
         with map_place:
             clickable(
-                own_map.own_figure(own[1], OWN_LAYERS[0], *place)
+                own_map.own_figure(own.found, OWN_LAYERS[0], *place)
                 if own
                 else marked_map_figure(place, *shown),
                 "map",

@@ -24,10 +24,9 @@ with left:
         st.text_input("Author", key="author", max_chars=NAME_LENGTH)
     with errors_in_words():
         own = own_map.map_of(design, mass, number)
-    command = own_map.command_of(own[0]) if own else ""
     buttons = st.container()
     with buttons:
-        point = report_buttons(design, own[1] if own else None, mass, number, command)
+        point = report_buttons(design, own, mass, number)
     if point:
         point_verdict(point)
         with errors_in_words():

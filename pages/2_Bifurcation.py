@@ -7,10 +7,12 @@ import streamlit as st
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.jobs.kinds import workers_for
 from spab_core.maps.bifurcation import SWEEPS, line_of_map
+from spab_core.maps.stability_map import StabilityMap
 from spab_core.plotting.lines import COORDINATES
 from spab_core.shipped.manifest import ARTIFACTS, BIFURCATIONS
 from spab_core.trajectory.expected_time import expected_seconds
 from spab_core.trajectory.provenance import film_nodes
+from spab_core.ui import own_map
 from spab_core.ui.jobs import AUTO, job_panel
 from spab_core.ui.lines import done_with_more, line_command, line_of_job, line_view, shipped_line
 from spab_core.ui.point import chosen_settings, duration, solver_controls
@@ -127,6 +129,18 @@ count = int(number_field("Points", 2, 2000, place=row, key="points", step=10, wi
 with row.popover("Solver", icon=":material/memory:"):
     solver_controls(cost=False)
 
+
+def _known_map() -> tuple[StabilityMap, str, str] | None:
+    """A map of the design that the point lies in, its name, and what to say of its cells."""
+    if is_reference():
+        return reference_map(), "the shipped map", ""
+    shown = own_map.map_of(chosen_design(), mass, number)
+    if shown is None or own_map.cell_of(shown.found[1], mass, number) is None:
+        return None
+    name = f"the {shown.words[0].lower()}{shown.words[1:]}" if shown.shipped else "its map"
+    return shown.found[1], name, ", solved or predicted"
+
+
 at, value = (number, mass) if over_mass else (mass, number)
 with errors_in_words():
     settings = chosen_settings()
@@ -165,22 +179,23 @@ with errors_in_words():
             height=600,
             beside=True,
         )
-    elif is_reference():
-        line = line_of_map(reference_map(), kind, at)
+    elif source := _known_map():
+        m, whose, more = source
+        line = line_of_map(m, kind, at)
         line_view(
             line,
             (),
             ["cold"],
             value,
-            f"{title}: exponent, as the shipped map has it",
+            f"{title}: exponent, as {whose} has it",
             name="preview",
             file=None,
-            command=line_command(line, ["cold"]),
+            command=line_command(line, ["cold"], design_option()),
             height=380,
             beside=True,
         )
         st.caption(
             "The map's cells at "
-            f"{'Λ = ' if over_mass else ''}{line.at:.4g}{'' if over_mass else ' kg'}, the nearest. "
-            "The section and the other sweeps have to be computed."
+            f"{'Λ = ' if over_mass else ''}{line.at:.4g}{'' if over_mass else ' kg'}, the nearest"
+            f"{more}. The section and the other sweeps have to be computed."
         )

@@ -25,7 +25,6 @@ from spab_core.ui.view import (
     choice,
     chosen_design,
     chosen_point,
-    design_option,
     is_reference,
     number_field,
     set_point,
@@ -102,8 +101,8 @@ def _plane() -> None:
     if state.pop("own_clicked", False):
         st.rerun()  # of the page: its margin is another one
     with errors_in_words():
-        latest, found = own_map.shown_map(design, asked, *chosen_point())
-    if latest is None or found is None:
+        latest = own_map.shown_map(design, asked, *chosen_point())
+    if latest is None:
         if is_reference():
             figure = marked_map_figure(chosen_point()[::-1], LAYERS[0], *DEFAULT, 0)
             clickable(figure, "own_figure", _clicked, config={"displaylogo": False})
@@ -120,25 +119,37 @@ def _plane() -> None:
         return
     place = mark_place(
         "own_figure",
-        (layer, latest.id, found[0].solved.sum()),
+        (layer, latest.id, latest.found[0].solved.sum()),
         (state["bearing_number"], state["rotor_mass"]),
     )
+    if latest.shipped:
+        st.info(own_map.example_words(latest), icon=":material/inventory_2:")
     clickable(
-        own_map.own_figure(found, layer, *place),
+        own_map.own_figure(latest.found, layer, *place),
         "own_figure",
         _clicked,
         config={"displaylogo": False},
     )
 
 
+def _compared(one: own_map.Shown) -> None:
+    """A map with the chosen point, and its shares, in half a page's width."""
+    st.plotly_chart(
+        own_map.own_figure(one.found, layer, *chosen_point()[::-1]),
+        key=f"compared_{one.id}",
+        width="stretch",
+    )
+    st.caption(f"{own_map.shares_words(one.found)} of the plane.".capitalize())
+
+
 with errors_in_words():
-    job, found = own_map.shown_map(design, asked, *chosen_point())
+    shown = own_map.shown_map(design, asked, *chosen_point())
 with left:
     st.fragment(_plane, run_every=4.0 if at_work else None)()
 with right, errors_in_words():
     margin_panel(design, *chosen_point())
-if job and found:
-    refined, m = found
+if shown:
+    found = refined, m = shown.found
     rotor_mass, bearing_number = chosen_point()
     with right:
         cell = own_map.cell_of(m, rotor_mass, bearing_number)
@@ -175,25 +186,26 @@ if job and found:
                 "my_map",
                 {"Map": own_map.own_figure(found, layer, bearing_number, rotor_mass)},
                 {"Cells": partial(own_map.own_table, found)},
-                {"npz": job.result.read_bytes},
-                own_map.command_of(job, design_option()),
+                {"npz": shown.file.read_bytes},
+                shown.command,
             )
-            report_downloads(design, found, rotor_mass, bearing_number, own_map.command_of(job))
+            report_downloads(design, shown, rotor_mass, bearing_number)
 
-saved = [j for j in own_map.finished_maps() if job is None or j.id != job.id]
-if job and found and saved:
-    with st.expander("Compare with another map"):
-        other = st.selectbox("Map", saved, format_func=own_map.job_words, key="own_other")
-        one, two = st.columns(2, gap="medium")
-        for box, which, title in ((one, job, "this map"), (two, other, own_map.job_words(other))):
+choices = own_map.to_compare(shown) if shown else {}
+if shown and choices:
+    title = "The same bearing with another wall" if shown.shipped else "Compare with another map"
+    with st.expander(title, expanded=shown.shipped is not None):
+        names = list(choices)
+        if state.get("own_other") not in choices:
+            state.pop("own_other", None)  # of another map
+        other = st.selectbox("Map", names, format_func=choices.__getitem__, key="own_other")
+        other = other or names[0]
+        for box, which in zip(st.columns(2, gap="medium"), (shown.id, other), strict=True):
             with box, errors_in_words():
-                st.caption(title)
-                drawn = own_map.published(which)
+                own_words = shown.words if shown.shipped else "This map"
+                st.markdown(f"**{own_words if which == shown.id else choices[which]}**")
+                drawn = shown if which == shown.id else own_map.shown_by_id(which)
                 if drawn is None:
                     st.info("This map has just been deleted.")
-                    continue
-                st.plotly_chart(
-                    own_map.own_figure(drawn, layer, bearing_number, rotor_mass),
-                    key=f"compared_{which.id}",
-                    width="stretch",
-                )
+                else:
+                    _compared(drawn)

@@ -60,6 +60,8 @@ def own_folders(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SPAB_CACHE", str(tmp_path_factory.mktemp("models") / "cache"))
         patch.setenv("SPAB_JOBS", str(tmp_path_factory.mktemp("work") / "jobs"))
+        # servers and pages of tests compile what the tests use, nothing ahead of it
+        patch.setenv("SPAB_COMPILE_AHEAD", "usual")
         yield
 
 

@@ -20,6 +20,7 @@ from spab_core.design.model import Design
 from spab_core.linear_theory.linear_table import LinearTable, shipped_table
 from spab_core.linear_theory.parallel_table import table_by_rows
 from spab_core.maps.parallel import cluster_or_processes
+from spab_core.maps.solved_margin import SPAN
 from spab_core.maps.stability_map import FIELDS, StabilityMap, axis, check_plane
 from spab_core.trajectory.provenance import map_metadata
 from spab_core.trajectory.settings import Settings
@@ -74,6 +75,19 @@ def check_quick_map(
     return number, mass
 
 
+def check_cells(most: int, count: int, name: str = "cells to solve") -> int:
+    """Return how many cells of a plane may be solved; raise ``InputError`` if out of range."""
+    return int(check_number(name, most, MIN_START, count))
+
+
+def axis_around(at: float, limits: tuple[float, float], count: int) -> str:
+    """Return the usual axis of a map around a point as start:stop:count: from a quarter of the
+    point's value to three times it, within ``limits``.
+    """
+    low, high = (min(max(at * factor, limits[0]), limits[1]) for factor in SPAN)
+    return f"{low:.5g}:{high:.5g}:{count}"
+
+
 def check_cluster(address: str) -> str:
     """Return the address of a Dask scheduler, "" for none; raise ``InputError`` if it is no
     address.
@@ -120,6 +134,7 @@ def quick_map(
     settings: Settings = SETTINGS,
     *,
     seconds: float = SECONDS,
+    most: int | None = None,
     seed: int = 0,
     checkpoint: Path,
     workers: int = 1,
@@ -142,6 +157,8 @@ def quick_map(
     seconds : float
         Wall time from now, linear theory and predictions included; cells found in ``checkpoint``
         take none of it.
+    most : int, optional
+        Cells to solve at most. Where the time allows them all, the result depends on it alone.
     seed : int
         Of the choice of cells.
     checkpoint : Path
@@ -166,14 +183,15 @@ def quick_map(
     Raises
     ------
     InputError
-        For a plane or time out of range.
+        For a plane, a time or a number of cells out of range.
     MapError
         As ``oracles.live_oracle``.
     """
     began = last = clock()
     metadata = map_metadata(design, settings, (len(bearing_number), len(rotor_mass)))
     count = check_plane(bearing_number, rotor_mass)
-    coarse = max(MIN_START, min(COARSE, count // 4))
+    budget = count if most is None else check_cells(most, count)
+    coarse = max(MIN_START, min(COARSE, budget // 4))
 
     def tick(_: int = 0) -> None:
         nonlocal last
@@ -213,12 +231,12 @@ def quick_map(
             bearing_number,
             rotor_mass,
             solve,
-            count,
+            budget,
             seed,
             table=table,
             share=SHARE,
             judge=True,
-            goals=_goals_in_time(batch_goals(coarse, count, DOUBLING), end, clock),
+            goals=_goals_in_time(batch_goals(coarse, budget, DOUBLING), end, clock),
             metadata=metadata,
         ):
             tick()

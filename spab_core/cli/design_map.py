@@ -13,6 +13,7 @@ from spab_core.active_learning.quick_map import (
     SECONDS_RANGE,
     SETTINGS,
     as_map,
+    check_cells,
     check_cluster,
     check_quick_map,
     quick_map,
@@ -41,6 +42,12 @@ def add_map_options(parser: Parser) -> None:
         help="kg on one bearing; default: 250 masses up to the load of the reference map",
     )
     parser.add_argument("--minutes", type=options.number, default=SECONDS / 60.0, help="wall time")
+    parser.add_argument(
+        "--cells",
+        type=options.whole,
+        help="end at so many solved cells, if the minutes allow: the same map however fast the "
+        "machine",
+    )
     options.add(parser, "--seed", help="of the choice of cells; default: 0")
     options.add(parser, "--workers", default=min(2, os.cpu_count() or 1))
     options.add(parser, "--dask")
@@ -66,6 +73,8 @@ def design_map(args: Namespace, design: Design) -> Answer:
         if text := getattr(args, options.destination(name)):
             options.values_of(text, name)  # whose words name the option
     bearing_number, rotor_mass = check_quick_map(*axes, 60.0 * args.minutes)
+    if args.cells is not None:
+        check_cells(args.cells, len(bearing_number) * len(rotor_mass), "--cells")
     check_number("--workers", args.workers, 1, options.MAX_WORKERS)
     check_number("--seed", args.seed, 0, options.MAX_SEED)
     check_output(args.out, "--out", (".npz",))
@@ -85,6 +94,7 @@ def design_map(args: Namespace, design: Design) -> Answer:
             rotor_mass,
             SETTINGS,
             seconds=60.0 * args.minutes,
+            most=args.cells,
             seed=args.seed,
             checkpoint=parts,
             workers=args.workers,

@@ -134,6 +134,7 @@ def difference(noted: object, wanted: dict[str, Any]) -> str | None:
         "map": "it was made from another map",
         "recipe": "the code that makes it has changed since",
         "assessments": "cells of the map are assessed otherwise since",
+        "solver": "the solver's code has changed since",
     }
     for key in wanted.keys() - {"versions"}:
         if noted.get(key) != wanted[key]:

@@ -39,6 +39,7 @@ from spab_core.shipped.manifest import (
 from spab_core.shipped.model_files import SEED, intervals_file, load_shipped_model, model_file
 from spab_core.shipped.model_store import predict_with
 from spab_core.shipped.predicted_maps import load_shipped_map, maps_file
+from spab_core.shipped.preset_maps import MAPS, load_preset_map
 from spab_core.shipped.provenance import difference
 from spab_core.surrogates.classifier import LABELS
 from spab_core.surrogates.metrics import errors
@@ -69,7 +70,8 @@ class Check:
 def verify(folder: Path = ARTIFACTS) -> Iterator[Check]:
     """Check a folder of shipped files; yield each check when it is done.
 
-    Names and checksums match the manifest. Map, lines, scores and predicted maps can be read and
+    Names and checksums match the manifest. Maps of presets are of their designs and of this solver.
+    Map, lines, scores and predicted maps can be read and
     belong together. Versions, design, map and code of each model match, before it is opened. Models
     reproduce their noted predictions and the shipped maps, intervals cover as many cells as their
     table says, and the scores are those of the shipped maps.
@@ -94,6 +96,8 @@ def verify(folder: Path = ARTIFACTS) -> Iterator[Check]:
     )
     for name in sorted(files):
         yield _checked(f"SHA-256 of {name}", checked_bytes, name, folder)
+    for one in (one for one in MAPS if one.file in files):
+        yield _checked(f"{one.file}: design, solver's code", load_preset_map, one, folder)
     try:
         m = load_reference_map(folder)
     except InputError as error:

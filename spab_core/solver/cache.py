@@ -57,12 +57,17 @@ def _kernel_hash() -> str:
 
 
 @functools.cache
-def solver_hash() -> str:
-    """Short hash of the code (:mod:`spab_core.common.source_hash`) and the version of numba that an
-    operating point depends on.
+def code_hash() -> str:
+    """Hash of the code (:mod:`spab_core.common.source_hash`) that an operating point depends on,
+    whatever version of numba compiles it.
     """
     paths = [*_KERNELS, *(_HERE.parent / f"{name}.py" for name in _ANSWERS)]
-    return _short(source_hash(path.read_bytes() for path in paths))
+    return source_hash(path.read_bytes() for path in paths)
+
+
+def solver_hash() -> str:
+    """Short hash of :func:`code_hash` and the version of numba."""
+    return _short(code_hash())
 
 
 def _usable(folder: Path) -> bool:

@@ -33,6 +33,8 @@ from spab_core.trajectory.settings import Settings
 
 USUAL = Settings()
 SECONDS = 20  # of compiling with nothing else at work (docs/dashboard.md)
+STORING_SECONDS = 50  # until those for a wall that stores gas have followed: half a minute more
+AHEAD = "SPAB_COMPILE_AHEAD"  # "usual": only those for a wall that stores no gas
 _LOCK = ".compiling.lock"
 _PATIENCE = 600.0  # seconds; a process that compiles for longer has hung
 
@@ -41,6 +43,11 @@ def _like(design: Design | None) -> Design:
     """Return a design with the same kernels: they differ where the wall stores gas."""
     storing = design is not None and design.bearing.stores_gas
     return reference_design().replace(bearing__porosity=0.15 if storing else 0.0)
+
+
+def usual_seconds(design: Design | None = None) -> int:
+    """Seconds from :func:`start` until the kernels for a wall as the design's are there."""
+    return STORING_SECONDS if design is not None and design.bearing.stores_gas else SECONDS
 
 
 def is_compiled(settings: Settings = USUAL, design: Design | None = None) -> bool:
@@ -89,6 +96,20 @@ def compile_once(settings: Settings = USUAL, design: Design | None = None) -> No
             solve_point(_like(design), 4.0, 3.0, short)
 
 
+def _ahead() -> tuple[Design, ...]:
+    """Designs whose kernels are compiled before they are asked for, the usual first."""
+    usual = reference_design()
+    if os.environ.get(AHEAD) == "usual":
+        return (usual,)
+    return usual, usual.replace(bearing__porosity=0.15)
+
+
+def _all_there() -> bool:
+    return all(
+        is_compiled(design=design) and is_linear_compiled(design=design) for design in _ahead()
+    )
+
+
 class _Background:
     """A process that compiles, and what became of it."""
 
@@ -115,7 +136,7 @@ class _Background:
         if code := self.process.returncode:
             self._end(f"its process ended with code {code}{': ' if last else ''}{last[:200]}")
         else:
-            self._end("" if is_compiled() else f"no kernels were kept in {numba.config.CACHE_DIR}")
+            self._end("" if _all_there() else f"no kernels were kept in {numba.config.CACHE_DIR}")
 
     def _end(self, failure: str) -> None:
         self.failure = failure
@@ -127,14 +148,14 @@ _decided, _mutex = False, threading.Lock()
 
 
 def start() -> None:
-    """Have another process compile the kernels unless they are there; returns at once, and does
-    nothing when called again.
+    """Have another process compile the kernels unless they are there, those for a wall that stores
+    gas after the others; returns at once, and does nothing when called again.
     """
     global _background, _decided
     with _mutex:
         if not _decided:
             _decided = True
-            if not (is_compiled() and is_linear_compiled()):
+            if not _all_there():
                 _background = _Background()
 
 
@@ -154,7 +175,8 @@ def failure() -> str:
 
 def _main(parent: int) -> int:
     end_with_parent(parent)
-    compile_once()
+    for design in _ahead():
+        compile_once(design=design)
     return 0
 
 

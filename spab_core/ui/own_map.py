@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import datetime
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,31 +16,86 @@ import plotly.graph_objects as go
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
-from spab_core.active_learning.quick_map import as_map
+from spab_core.active_learning.quick_map import as_map, axis_around
 from spab_core.active_learning.refine import Refinement, load_refinement
 from spab_core.common.errors import InputError
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.design.model import Design
 from spab_core.jobs.kinds import KINDS
 from spab_core.jobs.store import Job, active_jobs, find, job_id, list_jobs
-from spab_core.maps.solved_margin import SPAN
 from spab_core.maps.stability_map import StabilityMap, axis
 from spab_core.plotting.map import hover, map_figure, mark_trace
 from spab_core.reporting.export import map_table
+from spab_core.shipped.manifest import ARTIFACTS
+from spab_core.shipped.preset_maps import MAPS, PresetMap, load_preset_map, map_of_design, others
 from spab_core.trajectory.assessment import GRADE_WORDS, GRADES
 from spab_core.trajectory.regimes import REGIMES
-from spab_core.ui.view import PROBABILITY, chosen_design, chosen_point
+from spab_core.ui.view import PROBABILITY, chosen_design, chosen_point, design_option
 
+Found = tuple[Refinement, StabilityMap]  # solved, and filled
 COUNTS = {"own_numbers": 170, "own_masses": 250}  # cells of a new map along its sides
 
 
+@dataclass(frozen=True)
+class Shown:
+    """A map that a page can show.
+
+    Attributes
+    ----------
+    id : str
+        Of the job, or the name of the shipped file.
+    words : str
+        What it is, in a line.
+    file : Path
+    found : tuple
+        Solved, and filled.
+    command : str
+        The command that computes it.
+    shipped : PresetMap or None
+        The example that it is; None for a job's.
+    """
+
+    id: str
+    words: str
+    file: Path
+    found: Found
+    command: str
+    shipped: PresetMap | None = None
+
+
+def shown_job(job: Job | None) -> Shown | None:
+    """What a job of the kind ``map`` has given so far; None before that.
+
+    Raises ``InputError``.
+    """
+    found = published(job)
+    if job is None or found is None:
+        return None
+    return Shown(job.id, job_words(job), job.result, found, command_of(job))
+
+
+def shown_example(one: PresetMap) -> Shown:
+    """A shipped map. Raises ``InputError`` where it is stale, missing or damaged."""
+    path = ARTIFACTS / one.file
+    found = _load_example(one.file, path.stat().st_mtime if path.exists() else 0.0)
+    words = f"Shipped example: {one.label}"
+    return Shown(one.file, words, path, found, one.command(int(found[0].solved.sum())), one)
+
+
 @st.cache_resource(max_entries=8, show_spinner=False)
-def _load(path: Path, stamp: float) -> tuple[Refinement, StabilityMap]:
+def _load_example(name: str, stamp: float) -> Found:
+    one = next(m for m in MAPS if m.file == name)
+    found = load_preset_map(one)
+    return found, as_map(found)
+
+
+@st.cache_resource(max_entries=8, show_spinner=False)
+def _load(path: Path, stamp: float) -> Found:
     found = load_refinement(path)
     return found, as_map(found)
 
 
-def published(job: Job | None) -> tuple[Refinement, StabilityMap] | None:
+def published(job: Job | None) -> Found | None:
     """What a job of the kind ``map`` has given so far, solved and filled; None before that.
 
     Raises ``InputError``.
@@ -57,11 +113,9 @@ def map_job(parameters: dict[str, Any]) -> Job | None:
     return find(job_id("map", parameters))
 
 
-def map_of(
-    design: Design, rotor_mass: float, bearing_number: float
-) -> tuple[Job, tuple[Refinement, StabilityMap]] | None:
+def map_of(design: Design, rotor_mass: float, bearing_number: float) -> Shown | None:
     """The map of a design to be shown at a point: the latest one that the point lies in, else the
-    latest; None where nothing of one is solved.
+    latest, else the example that comes with spab; None where there is none.
 
     Raises ``InputError``.
     """
@@ -69,17 +123,27 @@ def map_of(
     for job in finished_maps():
         if job.parameters["design"] != wanted:
             continue
-        found = published(job)
+        found = shown_job(job)
         if found is None:
             continue
-        m = found[1]
-        latest = latest or (job, found)
-        if (
-            m.bearing_number[0] <= bearing_number <= m.bearing_number[-1]
-            and m.rotor_mass[0] <= rotor_mass <= m.rotor_mass[-1]
-        ):
-            return job, found
-    return latest
+        latest = latest or found
+        if cell_of(found.found[1], rotor_mass, bearing_number):
+            return found
+    return latest or example_of(design)
+
+
+def example_of(design: Design) -> Shown | None:
+    """The example of a design that comes with spab; None where there is none, or, with a sentence
+    on the page, where it is not to be shown.
+    """
+    one = map_of_design(design)
+    if one is None:
+        return None
+    try:
+        return shown_example(one)
+    except InputError as error:
+        st.warning(str(error)[:1].upper() + str(error)[1:] + ".")
+        return None
 
 
 def active_map(design: Design) -> Job | None:
@@ -91,21 +155,42 @@ def active_map(design: Design) -> Job | None:
 
 def shown_map(
     design: Design, parameters: dict[str, Any], rotor_mass: float, bearing_number: float
-) -> tuple[Job | None, tuple[Refinement, StabilityMap] | None]:
+) -> Shown | None:
     """The map to be shown for a request: its own if anything of it is there, the one opened from
-    the saved results, else another one of the design (:func:`map_of`).
+    the saved results, else another one of the design (:func:`map_of`), but none of a job while
+    that of the request is at work.
 
     Raises ``InputError``.
     """
     opened = st.session_state.get("own_shown")
-    for job in (map_job(parameters), find(opened) if opened else None):
-        found = published(job)
-        if job and found and job.parameters["design"] == design.to_dict():
-            return job, found
     job = map_job(parameters)
+    for one in (job, find(opened) if opened else None):
+        if one and one.parameters["design"] == design.to_dict():
+            found = shown_job(one)
+            if found:
+                return found
     if job and job.active:
-        return job, None
-    return map_of(design, rotor_mass, bearing_number) or (job, None)
+        return example_of(design)
+    return map_of(design, rotor_mass, bearing_number)
+
+
+def to_compare(shown: Shown) -> dict[str, str]:
+    """Maps to be compared with one, words by id: for an example those of the same bearing with
+    other walls first, then those of jobs.
+    """
+    family = others(shown.shipped) if shown.shipped else []
+    return {one.file: f"Shipped example: {one.label}" for one in family} | {
+        job.id: job_words(job) for job in finished_maps() if job.id != shown.id
+    }
+
+
+def shown_by_id(name: str) -> Shown | None:
+    """The map of an id of :func:`to_compare`; None where it has been deleted.
+
+    Raises ``InputError``.
+    """
+    example = next((one for one in MAPS if one.file == name), None)
+    return shown_example(example) if example else shown_job(find(name))
 
 
 def range_fields(row: DeltaGenerator) -> tuple[str, str]:
@@ -123,7 +208,7 @@ def range_fields(row: DeltaGenerator) -> tuple[str, str]:
         ("own_numbers", "rpm", "%.0f", number, BEARING_NUMBER_RANGE, design.speed_rpm(1.0)),
         ("own_masses", "kg", "%.4g", mass, ROTOR_MASS_RANGE, 1.0),
     ):
-        text = usual = _around(at, limits, COUNTS[key])
+        text = usual = axis_around(at, limits, COUNTS[key])
         if state[key]:
             with suppress(InputError):  # the fields stay, or it could not be mended
                 axis(state[key], key)
@@ -148,11 +233,6 @@ def range_fields(row: DeltaGenerator) -> tuple[str, str]:
     return told[0], told[1]
 
 
-def _around(at: float, limits: tuple[float, float], count: int) -> str:
-    low, high = (min(max(at * factor, limits[0]), limits[1]) for factor in SPAN)
-    return f"{low:.5g}:{high:.5g}:{count}"
-
-
 def _range_typed(key: str, scale: float, count: int) -> None:
     state = st.session_state
     ends = [state[f"{key}_{name}"] for name in ("from", "to")]
@@ -168,9 +248,7 @@ def finished_maps() -> list[Job]:
     ]
 
 
-def own_figure(
-    found: tuple[Refinement, StabilityMap], layer: str, bearing_number: float, rotor_mass: float
-) -> go.Figure:
+def own_figure(found: Found, layer: str, bearing_number: float, rotor_mass: float) -> go.Figure:
     """A published map with its solved cells as dots and the chosen point; under the pointer what a
     cell is worth, and with which probability where that is predicted.
     """
@@ -220,7 +298,7 @@ def cell_of(m: StabilityMap, rotor_mass: float, bearing_number: float) -> tuple[
     return m.nearest(rotor_mass, bearing_number)
 
 
-def own_table(found: tuple[Refinement, StabilityMap]) -> pd.DataFrame:
+def own_table(found: Found) -> pd.DataFrame:
     """A published map as a table (:func:`~spab_core.reporting.export.map_table`): whether each cell
     is solved, and the predicted probabilities.
     """
@@ -234,7 +312,7 @@ def own_table(found: tuple[Refinement, StabilityMap]) -> pd.DataFrame:
     )
 
 
-def cell_words(found: tuple[Refinement, StabilityMap], cell: tuple[int, int]) -> str:
+def cell_words(found: Found, cell: tuple[int, int]) -> str:
     """What a map says of a cell, and whether it is solved."""
     r, m = found
     words = GRADE_WORDS[str(m.grades()[cell])]
@@ -248,21 +326,33 @@ def cell_words(found: tuple[Refinement, StabilityMap], cell: tuple[int, int]) ->
     )
 
 
-def map_command(design_option: str, numbers: str, masses: str, minutes: float) -> str:
-    """The command that maps a bearing."""
+def command_of(job: Job) -> str:
+    """The command that computes a map of the chosen design."""
+    p = job.parameters
     return (
-        f"spab design map{design_option} --bearing-number {numbers} --rotor-mass {masses} "
-        f"--minutes {minutes:g} --out my_map.npz"
+        f"spab design map{design_option()} --bearing-number {p['bearing_number']} --rotor-mass "
+        f"{p['rotor_mass']} --minutes {p['seconds'] / 60.0:g} --out my_map.npz"
     )
 
 
-def command_of(job: Job, design_option: str = " --design my.toml") -> str:
-    """The command that computes a map."""
-    p = job.parameters
-    return map_command(design_option, p["bearing_number"], p["rotor_mass"], p["seconds"] / 60.0)
+def shares_words(found: Found) -> str:
+    """Shares of the plane by assessment, in a line."""
+    return ", ".join(f"{GRADE_WORDS[g]} {100 * s:.1f} %" for g, s in shares(found)[0].items())
 
 
-def shares(found: tuple[Refinement, StabilityMap]) -> tuple[dict[str, float], dict[str, float]]:
+def example_words(shown: Shown) -> str:
+    """What a shipped example is, in a line."""
+    r, design = shown.found[0], shown.found[1].design
+    preset = shown.shipped.preset if shown.shipped else None
+    low, high = (round(design.speed_rpm(r.bearing_number[k]), -1) for k in (0, -1))
+    around = f" around {preset.rotor_mass:g} kg and {preset.speed_rpm:,.0f} rpm" if preset else ""
+    return (
+        f"**{shown.words}**, {int(r.solved.sum())} cells solved of {r.batch.size:,}{around}, "
+        f"{low:,.0f} to {high:,.0f} rpm. A map of your own is finer."
+    )
+
+
+def shares(found: Found) -> tuple[dict[str, float], dict[str, float]]:
     """Shares of the plane by assessment, and by regime with "" for failed runs."""
     m, by_grade = found[1], found[1].grades()
     return (

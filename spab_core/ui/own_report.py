@@ -8,10 +8,8 @@ from functools import partial
 
 import streamlit as st
 
-from spab_core.active_learning.refine import Refinement
 from spab_core.design.model import Design
 from spab_core.maps.solved_margin import SolvedMargin
-from spab_core.maps.stability_map import StabilityMap
 from spab_core.plotting.margin import margin_figure
 from spab_core.plotting.point import orbit_figure, section_figure
 from spab_core.reporting.export import browser_path
@@ -28,7 +26,7 @@ from spab_core.trajectory.provenance import film_nodes
 from spab_core.ui.downloads import file_button
 from spab_core.ui.drawings import sections_of
 from spab_core.ui.margin import kept_margin
-from spab_core.ui.own_map import cell_of, cell_words, own_figure
+from spab_core.ui.own_map import Shown, cell_of, cell_words, own_figure
 from spab_core.ui.shared import errors_in_words
 from spab_core.ui.solving import live_point
 from spab_core.ui.verdict import assumed_words
@@ -36,23 +34,15 @@ from spab_core.ui.view import OWN_LAYERS, design_words
 
 
 def report_downloads(
-    design: Design,
-    found: tuple[Refinement, StabilityMap] | None,
-    rotor_mass: float,
-    bearing_number: float,
-    map_command: str,
+    design: Design, shown: Shown | None, rotor_mass: float, bearing_number: float
 ) -> None:
     """A popover with the report (:func:`report_buttons`)."""
     with st.popover("Report", icon=":material/description:"):
-        report_buttons(design, found, rotor_mass, bearing_number, map_command)
+        report_buttons(design, shown, rotor_mass, bearing_number)
 
 
 def report_buttons(
-    design: Design,
-    found: tuple[Refinement, StabilityMap] | None,
-    rotor_mass: float,
-    bearing_number: float,
-    map_command: str = "",
+    design: Design, shown: Shown | None, rotor_mass: float, bearing_number: float
 ) -> OperatingPoint | None:
     """Offer the report as HTML and PDF, made on the click; nothing as long as the solver is
     compiled.
@@ -60,12 +50,10 @@ def report_buttons(
     Parameters
     ----------
     design : Design
-    found : tuple, optional
-        The published map of the design.
+    shown : Shown, optional
+        The map of the design.
     rotor_mass, bearing_number : float
         The operating point.
-    map_command : str
-        Command line that computes the map.
 
     Returns
     -------
@@ -83,7 +71,7 @@ def report_buttons(
             assumed_words(),
         )
         more = sections_of(design, rotor_mass, design.speed_rpm(bearing_number))
-        html = partial(_html, head, found, point, map_command, more)
+        html = partial(_html, head, shown, point, more)
         file_button("Report, HTML", lambda: html().encode(), "report.html")
         file_button(
             "Report, PDF",
@@ -107,29 +95,30 @@ class Head:
 
 def _html(
     head: Head,
-    found: tuple[Refinement, StabilityMap] | None,
+    shown: Shown | None,
     point: OperatingPoint,
-    map_command: str,
     more: Sequence[Section],
 ) -> str:
     solved = kept_margin(point.design, point.rotor_mass, point.bearing_number)
     told = solved.sentences() if solved else []
-    if found:
-        cell = cell_of(found[1], point.rotor_mass, point.bearing_number)
-        told.append(cell_words(found, cell) if cell else "The operating point is outside the map.")
+    if shown:
+        cell = cell_of(shown.found[1], point.rotor_mass, point.bearing_number)
+        told.append(
+            cell_words(shown.found, cell) if cell else "The operating point is outside the map."
+        )
     sections = [_point_section(point)]
     if told:
         figures = {"What stands along speed and mass": margin_figure(solved)} if solved else {}
         sections.append(Section("Margin", told, figures=figures))
-    if found:
-        sections.append(_map_section(found, point))
+    if shown:
+        sections.append(_map_section(shown, point))
     sections += more
     sections.append(design_section(point.design))
     at_point = f"--rotor-mass {point.rotor_mass:g} --bearing-number {point.bearing_number:.6g}"
     commands = [
         f"spab simulate --design my.toml {at_point}",
         f"spab margin --design my.toml {at_point}",
-        *([map_command] if map_command else []),
+        *([shown.command] if shown else []),
     ]
     box = summary(point, solved, head.assumed)
     lines = {"Project": head.project, "Author": head.author, "Design": head.design}
@@ -205,9 +194,9 @@ def _point_section(point: OperatingPoint) -> Section:
     return Section(title, words, figures=figures)
 
 
-def _map_section(found: tuple[Refinement, StabilityMap], point: OperatingPoint) -> Section:
-    refined = found[0]
-    words = (
+def _map_section(shown: Shown, point: OperatingPoint) -> Section:
+    found, refined = shown.found, shown.found[0]
+    words = (f"{shown.words}. " if shown.shipped else "") + (
         f"{int(refined.solved.sum()):,} of {refined.batch.size:,} cells solved (dots), the others "
         "predicted by trees on linear theory, with the probability of their assessment; "
         f"{film_nodes(refined.metadata)}, {refined.metadata['transient']} + "

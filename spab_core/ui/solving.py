@@ -12,6 +12,7 @@ from spab_core.trajectory import compiling
 from spab_core.trajectory.compiling import is_compiled, is_linear_compiled
 from spab_core.trajectory.point import OperatingPoint, solve_point
 from spab_core.trajectory.settings import Settings
+from spab_core.ui.own_map import cell_of, cell_words, example_of
 from spab_core.ui.shared import predicted_point, reference_map
 
 LIVE = Settings()  # those of the map, whose cells it meets
@@ -55,7 +56,10 @@ def live_point(
     text = "Solving this operating point …"
     if not is_compiled(settings, design):
         why = f" here, as {compiling.failure()}" if compiling.failure() else ""
-        text = f"First run on this machine: compiling the solver{why}. This takes about 20 s, once."
+        text = (
+            f"First run on this machine: compiling the solver{_wall(design)}{why}. This takes "
+            f"about {compiling.SECONDS} s, once."
+        )
     with st.spinner(text):
         return _solve(design, rotor_mass, bearing_number, settings)
 
@@ -73,36 +77,41 @@ def waits_for_compiler(
 
     The page runs again by itself once the solver is there; with ``linear``, what linear theory
     needs of it, which is there before the rest."""
-    if not _compiling(linear):
+    if not _compiling(design, linear):
         return False
     if words:
         st.info(known_words(design, rotor_mass, bearing_number))
-    st.fragment(_watch, run_every=_EVERY)(linear)
+    st.fragment(_watch, run_every=_EVERY)(design, linear)
     return True
 
 
-def _compiling(linear: bool) -> bool:
+def _compiling(design: Design, linear: bool) -> bool:
     return compiling.seconds_so_far() is not None and not (
-        is_linear_compiled() if linear else is_compiled()
+        is_linear_compiled(design) if linear else is_compiled(design=design)
     )
 
 
-def _watch(linear: bool) -> None:
+def _wall(design: Design) -> str:
+    return " for a wall that stores gas" if design.bearing.stores_gas else ""
+
+
+def _watch(design: Design, linear: bool) -> None:
     """What a fragment shows; the whole page runs again once the compiler is done."""
     gone = compiling.seconds_so_far()
-    if gone is None or not _compiling(linear):
+    if gone is None or not _compiling(design, linear):
         st.rerun()
-    late = gone > compiling.SECONDS
+    seconds = compiling.usual_seconds(design)
+    late = gone > seconds
     usual = (
         ""
         if linear
-        else f", more than the usual {compiling.SECONDS} s"
+        else f", more than the usual {seconds} s"
         if late
-        else f", some {compiling.SECONDS} s in all"
+        else f", some {seconds} s in all"
     )
     st.progress(
-        min(gone / compiling.SECONDS, 1.0),
-        f"Compiling the solver: {gone:.0f} s so far{usual}, once on this machine",
+        min(gone / seconds, 1.0),
+        f"Compiling the solver{_wall(design)}: {gone:.0f} s so far{usual}, once on this machine",
     )
 
 
@@ -110,6 +119,10 @@ def known_words(design: Design, rotor_mass: float, bearing_number: float) -> str
     """What shipped results say of an operating point that is not solved, in Markdown."""
     head = "**Not solved yet.** "
     if design != reference_design():
+        example = example_of(design)
+        cell = cell_of(example.found[1], rotor_mass, bearing_number) if example else None
+        if example and cell:
+            return f"{head}**{example.words}.** {cell_words(example.found, cell)}"
         return (
             head
             + "Nothing is known of this design before: the shipped map and its models are of the "

@@ -2,20 +2,31 @@
 and comparison.
 """
 
+import re
+
 import numpy as np
 import pytest
+import streamlit as st
 from streamlit.testing.v1 import AppTest
 
+from spab_core.design.model import reference_design
 from spab_core.design.presets import PRESETS
 from spab_core.jobs.store import list_jobs, submit
 from spab_core.plotting.theme import GRADE_MARKS
+from spab_core.shipped import preset_maps
+from spab_core.shipped.preset_maps import MAPS, load_preset_map
+from spab_core.trajectory import compiling
 from spab_core.trajectory.assessment import GRADES
+from spab_core.ui import solving
 from spab_core.ui.verdict import grade_label
 from spab_core.ui.view import OWN_LAYERS
 from tests.app.conftest import complaints, figures, start, until_done, until_margin, verdicts
 from tests.conftest import ROOT
 
-MAP, WHAT_IF = (str(next((ROOT / "pages").glob(f"*_{name}.py"))) for name in ("My_map", "What_if"))
+MAP, WHAT_IF, SWEEPS = (
+    str(next((ROOT / "pages").glob(f"*_{name}.py")))
+    for name in ("My_map", "What_if", "Bifurcation")
+)
 SMALL = {"own_numbers": "2:4:6", "own_masses": "3:9:6"}
 QUICK = {"mesh": "2x16", "transient": 40, "revolutions": 30}
 pytestmark = pytest.mark.usefixtures("own_jobs")
@@ -78,6 +89,80 @@ def test_two_maps_are_compared():
         and len(figures(at)) == 3
         and len(at.selectbox(key="own_other").options) == 1
     )
+
+
+def of_preset(page, name, porosity=None, **state):
+    """A page opened at a preset's own design and point."""
+    one = PRESETS[name]
+    design = one.design if porosity is None else one.design.replace(bearing__porosity=porosity)
+    at = AppTest.from_file(page, default_timeout=120)
+    usual = reference_design().to_dict()
+    for section, values in design.to_dict().items():
+        for key, value in values.items():
+            if usual[section].get(key) != value:
+                at.query_params[f"{section}.{key}"] = repr(value)
+    at.query_params["rotor_mass"] = repr(one.rotor_mass)
+    at.query_params["bearing_number"] = repr(
+        float(design.bearing_number(one.speed_rpm * np.pi / 30.0))
+    )
+    for key, value in state.items():
+        at.session_state[key] = value
+    at.run()
+    assert not at.exception
+    return at
+
+
+@pytest.fixture
+def no_solver(monkeypatch):
+    """As while another process compiles: pages show what is known, and nothing is solved."""
+    monkeypatch.setattr(compiling, "seconds_so_far", lambda: 12.0)
+    monkeypatch.setattr(solving, "is_compiled", lambda *a, **k: False)
+
+
+def test_a_preset_shows_the_map_that_comes_with_spab_with_and_without_storage(no_solver):
+    cells = int(load_preset_map(MAPS[0]).solved.sum())
+    at = of_preset(MAP, "fed_spindle")
+    assert f"**Shipped example: Fed porous spindle**, {cells} cells solved of 5,120" in words(at)
+    assert "The cell of this point is " in words(at) and not complaints(at)
+    solved = [{t.get("name") for t in figure["data"]} for figure in figures(at)]
+    assert len(solved) == 3 and all(f"solved ({cells})" in names for names in solved)
+    assert [e.label for e in at.expander if e.proto.expanded] == [
+        "The same bearing with another wall"
+    ]
+    assert [text.partition(": ")[2] for text in at.selectbox(key="own_other").options] == [
+        "Fed porous spindle, quasi-steady wall",
+        "Fed spindle, layered",
+    ]
+    # what storage does: the share to be avoided
+    with_gas, without = (x.value for x in at.caption if "of the plane." in x.value[-15:])
+    avoid = [float(re.search(r"not recommended ([0-9.]+) %", t)[1]) for t in (with_gas, without)]
+    assert avoid[0] > 2.0 * avoid[1]
+    at = of_preset(MAP, "fed_spindle", porosity=0.0)
+    assert "**Shipped example: Fed porous spindle, quasi-steady wall**" in words(at)
+    at = of_preset(MAP, "fed_spindle", porosity=0.14)  # another design: nothing is shown of it
+    assert "Shipped example" not in words(at) and not figures(at)
+
+
+def test_a_stale_map_is_not_shown_but_said(no_solver, monkeypatch):
+    st.cache_resource.clear()
+    monkeypatch.setattr(preset_maps, "code_hash", lambda: "another")
+    at = of_preset(MAP, "fed_spindle")
+    assert not figures(at) and "solver's code has changed since; `make preset-maps`" in words(at)
+    st.cache_resource.clear()
+
+
+def test_other_pages_show_a_preset_by_its_map_too(no_solver):
+    at = of_preset(str(ROOT / "app.py"), "fed_spindle")
+    assert "Shipped example: Fed porous spindle. Dots are solved cells" in words(at)
+    # until the kernels for its wall are there
+    assert "**Shipped example: Fed porous spindle.** The cell of this point is" in words(at)
+    told = [b.proto.text for b in at.get("progress") if "ompil" in b.proto.text]
+    assert told[0] == (
+        "Compiling the solver for a wall that stores gas: 12 s so far, some "
+        f"{compiling.STORING_SECONDS} s in all, once on this machine"
+    )
+    at = of_preset(SWEEPS, "fed_spindle", line="rotor-mass")
+    assert "solved or predicted. The section and the other sweeps" in words(at) and figures(at)
 
 
 @pytest.mark.parametrize(

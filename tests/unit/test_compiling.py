@@ -31,7 +31,7 @@ def empty(monkeypatch, tmp_path):
     place.mkdir()
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(place))
     for name in ("is_compiled", "is_linear_compiled"):
-        monkeypatch.setattr(compiling, name, lambda *of: False)
+        monkeypatch.setattr(compiling, name, lambda *of, **by: False)
     monkeypatch.setattr(compiling, "_background", None)
     monkeypatch.setattr(compiling, "_decided", False)
     return place
@@ -178,7 +178,7 @@ def test_a_second_process_waits_for_the_first(empty, monkeypatch):
     """Solved by nobody: while it waits, the other one has left the kernels."""
     there = threading.Event()
     for name in ("is_compiled", "is_linear_compiled"):
-        monkeypatch.setattr(compiling, name, lambda *of: there.is_set())
+        monkeypatch.setattr(compiling, name, lambda *of, **by: there.is_set())
     monkeypatch.setattr(compiling, "solve_point", lambda *a: pytest.fail("compiled twice"))
     monkeypatch.setattr(compiling, "derive", lambda *a: pytest.fail("compiled twice"))
     waiting = threading.Thread(target=compiling.compile_once)
@@ -189,6 +189,20 @@ def test_a_second_process_waits_for_the_first(empty, monkeypatch):
         there.set()
     waiting.join(10)
     assert not waiting.is_alive()
+
+
+def test_the_kernels_of_stored_gas_follow_the_others(empty, monkeypatch):
+    done = []
+    monkeypatch.setattr(compiling, "derive", lambda design, *of: done.append(design))
+    monkeypatch.setattr(compiling, "solve_point", lambda design, *of: done.append(design))
+    monkeypatch.setattr(compiling, "end_with_parent", lambda parent: None)
+    assert compiling._main(1) == 0  # tests compile nothing ahead
+    assert [design.bearing.stores_gas for design in done] == [False, False]
+    done.clear()
+    monkeypatch.delenv(compiling.AHEAD)
+    assert compiling._main(1) == 0
+    assert [design.bearing.stores_gas for design in done] == [False, False, True, True]
+    assert compiling.usual_seconds(done[0]) < compiling.usual_seconds(done[-1])
 
 
 def test_a_folder_that_cannot_be_locked_does_not_keep_the_kernels_from_being_compiled(

@@ -266,3 +266,30 @@ def test_the_command_maps_and_its_map_has_margins(tmp_path, capsys):
     ):
         assert main(["design", "map", *plane, "--out", str(out), *wrong]) == 2
         assert told in capsys.readouterr().err
+
+
+def test_a_map_ends_at_a_number_of_cells(tmp_path, design, monkeypatch):
+    """Whatever the clock says: the same cells on a slow machine."""
+    monkeypatch.setattr(quick_maps, "_table", lambda *_: None)
+    plane = np.linspace(2.0, 4.0, 8), np.linspace(3.0, 9.0, 8)
+    short = Settings("2x16", transient=30, revolutions=20)
+    found = []
+    for name, pace in (("slow", 1.0), ("fast", 0.001)):
+        seconds = iter(np.arange(0.0, 1000.0, pace))
+        found.append(
+            last(
+                quick_map(
+                    design,
+                    *plane,
+                    short,
+                    seconds=5000.0,
+                    most=24,
+                    checkpoint=tmp_path / name,
+                    clock=lambda seconds=seconds: float(next(seconds)),
+                )
+            )
+        )
+    assert found[0].solved.sum() == 24 and np.array_equal(found[0].batch, found[1].batch)
+    for cells in (15, 65):
+        with pytest.raises(InputError, match=r"cells to solve = .* from 16 to 64"):
+            quick_maps.check_cells(cells, 64)
