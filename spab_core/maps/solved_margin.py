@@ -257,8 +257,8 @@ class SolvedMargin:
         return next((x for x in self.limits if x.begins and x.grade == grade), None)
 
     def headline(self) -> str:
-        """Return the margin in one sentence: the nearest trouble to be avoided, and the nearest to
-        be watched if that is nearer.
+        """Return the margin in one sentence: that there is none where the point itself is to be
+        avoided, the nearest trouble to be avoided, and the nearest to be watched if that is nearer.
         """
         avoid, watch = self.nearest("avoid"), self.nearest("watch")
         if watch and avoid and watch.distance >= avoid.distance:
@@ -266,7 +266,10 @@ class SolvedMargin:
         told = [f"going {x.towards()}, {x.words()}" for x in (avoid, watch) if x]
         if avoid and watch:
             told[1] = f"to be watched before: {told[1]}"
-        return f"Solved margin: {'; '.join(told) or 'no further trouble where it was looked for'}."
+        further = "; ".join(told) or "no further trouble where it was looked for"
+        here = ", ".join(KINDS[kind] for kind, grade in self.here.items() if grade == "avoid")
+        none = f"none, the point itself is to be avoided ({here}); further on, " if here else ""
+        return f"Solved margin: {none}{further}."
 
     def sentences(self) -> list[str]:
         """Describe what the point has, the limits in each direction and what was not looked at."""

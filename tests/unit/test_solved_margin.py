@@ -111,7 +111,8 @@ def test_the_limits_of_a_fed_machine(machine):
     troubles = [x for x in machine.limits if x.begins and x.grade == "avoid"]
     nearest = min(troubles, key=lambda limit: limit.distance)
     assert machine.headline().startswith(
-        f"Solved margin: going {nearest.towards()}, an eccentricity over"
+        "Solved margin: none, the point itself is to be avoided (resonance); further on, going "
+        f"{nearest.towards()}, an eccentricity over"
     )
     assert "going up" in machine.headline() and "±" in machine.headline()
     up = next(text for text in machine.sentences() if text.startswith("Up in speed"))
@@ -186,6 +187,13 @@ def test_the_headline_names_the_nearest_trouble_to_be_avoided_and_what_comes_bef
         ((ends,), "Solved margin: no further trouble where it was looked for."),
     ):
         assert SolvedMargin(point, {}, limits, ()).headline() == words
+        assert SolvedMargin(point, {"large orbit": "watch"}, limits, ()).headline() == words
+        there = words.replace(
+            "margin: ",
+            "margin: none, the point itself is to be avoided (a quasi-periodic whirl); further on, ",
+        )
+        avoided = {"large orbit": "watch", "quasi-periodic": "avoid"}
+        assert SolvedMargin(point, avoided, limits, ()).headline() == there
 
 
 @pytest.mark.slow
