@@ -188,10 +188,8 @@ def test_the_headline_names_the_nearest_trouble_to_be_avoided_and_what_comes_bef
     ):
         assert SolvedMargin(point, {}, limits, ()).headline() == words
         assert SolvedMargin(point, {"large orbit": "watch"}, limits, ()).headline() == words
-        there = words.replace(
-            "margin: ",
-            "margin: none, the point itself is to be avoided (a quasi-periodic whirl); further on, ",
-        )
+        here = "none, the point itself is to be avoided (a quasi-periodic whirl); further on, "
+        there = words.replace("margin: ", f"margin: {here}")
         avoided = {"large orbit": "watch", "quasi-periodic": "avoid"}
         assert SolvedMargin(point, avoided, limits, ()).headline() == there
 
