@@ -72,7 +72,9 @@ def ways_in() -> None:
     with st.container(horizontal=True, vertical_alignment="center", key="ways"):
         st.markdown("# Will my rotor run quietly, and how far is trouble?", width="content")
         with st.popover("Enter my machine", icon=":material/tune:"):
-            st.markdown("Type its values into the fields of this page, or begin with others:")
+            st.markdown(
+                "Type its values into the fields on this page, or start from a preset or a file:"
+            )
             design_files()
         st.button(
             "Explore the example bearing",
@@ -147,7 +149,7 @@ def own_picture() -> DeltaGenerator:
     if own:
         st.markdown("## Stability map of this design")
         box = st.container(key="map_box", gap=None)
-        st.caption(f"{own.words}. Dots are solved cells, colours between predicted.")
+        st.caption(f"{own.words}. Dots are solved cells; colours between are predicted.")
         page_link("My_map", "Open this map")
         return box
     st.markdown("## The motion of this design")
@@ -204,7 +206,8 @@ def _point() -> tuple[DeltaGenerator, go.Figure] | None:
     """
     if is_reference():
         st.markdown(
-            f":small[This is the **{EXAMPLE}**: type your machine's values, and all follows them.]"
+            f":small[This is the **{EXAMPLE}**: type your machine's values, and the "
+            "whole page follows.]"
         )
     verdict, numbers, words = st.container(key="verdict"), st.empty(), st.container()
     with verdict, errors_in_words():

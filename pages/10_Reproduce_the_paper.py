@@ -27,6 +27,7 @@ from spab_core.surrogates.paper import (
 from spab_core.ui.downloads import downloads
 from spab_core.ui.lines import line_command, shipped_line
 from spab_core.ui.navigation import page_link
+from spab_core.ui.point_bar import example_line
 from spab_core.ui.shared import (
     errors_in_words,
     marked_map_figure,
@@ -120,11 +121,11 @@ def _show_claims() -> None:
     )
     st.caption(
         "Errors over all cells, training cells included, as the paper counts, averages of ten "
-        "draws, over the standard deviation of the exponents "
+        "seeds, over the standard deviation of the exponents "
         f"({_deviation(None):.2f} per revolution as solved, {_deviation(FLOOR):.2f} with the "
-        "floor). The paper's numbers are in the unit of its map, which it does not tell; its SVM's "
-        "0.98 to 0.99 is taken as one standard deviation. *No difference*: by chance only, paired "
-        "t test over the draws, 5 %."
+        "floor). The paper's numbers are in the unit of its map, which it does not state; its "
+        "SVM's 0.98 to 0.99 is taken as one standard deviation. *No difference*: by chance only, "
+        "paired t test over the seeds, 5 %."
     )
     for floor in (None, FLOOR):
         st.caption(target_words(reference_map(floor), floor))
@@ -252,12 +253,16 @@ def _show_map() -> None:
                 ("cells, Λ × mass", "170 × 250", f"{m.shape[0]} × {m.shape[1]}"),
                 (
                     "Λ",
-                    "not told in its text",
+                    "not stated in its text",
                     f"{m.bearing_number[0]:g} to {m.bearing_number[-1]:g}",
                 ),
-                ("mass", "not told in its text", f"{m.rotor_mass[0]:g} to {m.rotor_mass[-1]:g} kg"),
+                (
+                    "mass",
+                    "not stated in its text",
+                    f"{m.rotor_mass[0]:g} to {m.rotor_mass[-1]:g} kg",
+                ),
                 ("chaotic", "mostly large masses", f"{regimes.get('chaotic', 0):,} cells"),
-                ("exponent", "unit not told", f"{solved.min():.1f} to {solved.max():.2f}"),
+                ("exponent", "unit not stated", f"{solved.min():.1f} to {solved.max():.2f}"),
             ],
             "map_facts",
         )
@@ -273,7 +278,7 @@ def _show_map() -> None:
             {"Map": lambda: map_table(m)},
             {"npz": (ARTIFACTS / REFERENCE_MAP).read_bytes},
         )
-        page_link("Surrogate_map", "Any model, fraction and draw on this map")
+        page_link("Surrogate_map", "Any model, fraction and seed on this map")
 
 
 def _show_predictions() -> None:
@@ -373,7 +378,7 @@ def _show_tables() -> None:
                 command="spab evaluate --out scores.csv",
             )
     st.caption(
-        "Ours: averages of ten draws over the whole map, training cells included as in the paper, "
+        "Ours: averages of ten seeds over the whole map, training cells included as in the paper, "
         "over the standard deviation of the exponents. The paper's numbers are as printed; its "
         "averages and deviations agree with its columns. Its table 2 is not in the text that this "
         "page was made from: it says that the decision tree has the smallest average MAE and that "
@@ -383,6 +388,7 @@ def _show_tables() -> None:
 
 
 st.markdown("# Reproduce the paper")
+example_line()
 st.markdown(
     f"{CITATION}, doi [{DOI}](https://doi.org/{DOI}). Its figures and tables beside ours; "
     "nothing here is computed while you wait. Figures 5, 8 and 9 are schemes without results."

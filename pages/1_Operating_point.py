@@ -41,10 +41,10 @@ with row:
         ui.solver_controls()
 compare = (
     row.toggle(
-        "Compare with the reference bearing",
+        "Compare with the example bearing",
         key="compare",
         disabled=is_reference() and not state["compare"],
-        help="Change a value of the design first: this is the reference bearing",
+        help="Change a value of the design first: this is the example bearing",
     )
     and not is_reference()
 )

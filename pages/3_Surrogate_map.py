@@ -22,6 +22,7 @@ from spab_core.trajectory.regimes import REGIMES
 from spab_core.ui.clicks import clickable, mark_place
 from spab_core.ui.downloads import downloads
 from spab_core.ui.jobs import job_panel
+from spab_core.ui.point_bar import point_bar
 from spab_core.ui.shared import (
     errors_in_words,
     intervals_of_job,
@@ -87,6 +88,7 @@ def _clicked(number: float, mass: float) -> None:
 
 
 st.markdown("# Surrogate maps of the example bearing")
+point_bar(of_example=True)
 a, b, e, c, d = st.columns([1.5, 2.6, 1.3, 0.75, 0.85], vertical_alignment="bottom")
 names = list(MODELS)
 name = a.selectbox(
@@ -168,8 +170,8 @@ with st.container(horizontal=True, horizontal_alignment="distribute"):
         (
             "Regime right, by its exponent",
             f"{own_regimes['regime_accuracy']:.1%}",
-            "Held-out cells whose regime two thresholds of this model's exponent tell, those that "
-            "part its training cells best. "
+            "Share of held-out cells whose regime is right by two thresholds of this "
+            "model's exponent, those that part its training cells best. "
             f"F1 of chaos {own_regimes['chaos_f1']:.3f}",
         ),
         ("Cells trained on", f"{predicted.surrogate.training_cells:,}", None),

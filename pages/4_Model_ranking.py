@@ -20,6 +20,7 @@ from spab_core.surrogates.samples import PER, read_samples, samples_bytes
 from spab_core.trajectory.assessment import GRADE_WORDS
 from spab_core.ui.downloads import downloads
 from spab_core.ui.jobs import job_panel
+from spab_core.ui.point_bar import example_line
 from spab_core.ui.shared import (
     block_scores,
     classifier_scores,
@@ -65,6 +66,7 @@ with errors_in_words():
     )
 
 st.markdown("# Model ranking: which one predicts the map best?")
+example_line()
 st.success(suggestion(best_first))
 e, a, b, c = st.columns([1.3, 1, 2.2, 0.9], vertical_alignment="bottom")
 target_choice("ranked", e)
@@ -107,7 +109,9 @@ with left:
     )
 with right:
     st.dataframe(
-        ranked.rename(index=lambda k: MODELS[k].label),
+        ranked.assign(tied=np.where(ranked["tied"], "yes", "")).rename(
+            index=lambda k: MODELS[k].label
+        ),
         height=420,
         column_config={
             "_index": st.column_config.Column("model", width=140),
@@ -119,7 +123,7 @@ with right:
             "rank_rmse": "by RMSE",
             "rank_mae": "by MAE",
             "rank_spread": "by spread",
-            "tied": st.column_config.CheckboxColumn(
+            "tied": st.column_config.Column(
                 "tied",
                 help="Its RMSE differs from the best one by chance only "
                 "(paired t test over the seeds, 5 %)",
@@ -245,7 +249,7 @@ beside = pd.DataFrame(
 st.dataframe(beside.style.format("{:.2f}"), width="stretch")
 st.caption(
     f"Ours over {deviation:.3f} per revolution, the deviation of the exponents chosen above. The "
-    "paper does not tell its unit; its SVM column, 0.98 to 0.99, is taken as one standard "
+    "paper does not state its unit; its SVM column, 0.98 to 0.99, is taken as one standard "
     "deviation of its map, so its numbers stand as printed. Two different bearings: compare the "
     "pattern."
 )

@@ -11,6 +11,7 @@ from spab_core.active_learning.learning_curve import GOAL, LEARNING_CURVE, goal,
 from spab_core.plotting.surrogates import REFINE_LAYERS, learning_curve_figure
 from spab_core.shipped.manifest import ARTIFACTS, REFINED, checked_bytes
 from spab_core.ui.downloads import downloads
+from spab_core.ui.point_bar import example_line
 from spab_core.ui.shared import drawn_refinement, errors_in_words, page_head, reference_refinement
 from spab_core.ui.view import JUDGED, choice
 
@@ -20,6 +21,7 @@ with errors_in_words():
     refined, rows = reference_refinement(), load_learning_curve(LEARNING_CURVE)
 
 st.markdown("# Which points should I solve next, and how few are enough?")
+example_line()
 found, share = goal(rows), [f"n/{k}" for k in GOAL]
 solved = rows.groupby("divisor")["solved"].first()
 error, undamped, chaos = (found.loc[name] for name in ("rmse", "rmse_undamped", "chaos_f1"))

@@ -77,9 +77,9 @@ def numbers(found: Derived) -> None:
     cells[2].metric("Least film", f"{1e6 * film:.1f} µm", help="C (1 - e), at rest on the film")
     cells[3].metric(
         "Gas flow, Nl/min",
-        f"{flow.normal_litres:.3g}",
-        help="Through the porous wall, net (negative: drawn in at the edges); litres a minute at 0 "
-        f"°C and 1.01325 bar. {flow.mass:.3g} kg/s of air at 20 °C",
+        flow.words,
+        help="Through the porous wall, net (negative: drawn in at the edges); normal litres per "
+        f"minute, at 0 °C and 1.01325 bar. {flow.mass:.3g} kg/s of air at 20 °C",
     )
     cells[4].metric(
         "Whirl / speed",

@@ -223,7 +223,7 @@ def _lines(d: Derived) -> list[str]:
         lines.append(capital(words) + ": what follows is the wall's more than the film's")
     angle = "" if d.attitude_angle is None else f"attitude angle {d.attitude_angle:.1f} deg, "
     lines += [
-        f"Static equilibrium: eccentricity {d.eccentricity:.4f} of the clearance, {angle}thinnest "
+        f"Static equilibrium: eccentricity {d.eccentricity:.4f} of the clearance, {angle}least "
         f"film {1e6 * (d.least_film or 0.0):.2f} µm",
         *(
             []
@@ -233,8 +233,8 @@ def _lines(d: Derived) -> list[str]:
                 f"stiffness {d.axial_stiffness:.4g} N/m"
             ]
         ),
-        f"Gas flow through the wall: {d.gas_flow.mass:.3e} kg/s, {d.gas_flow.normal_litres:.3g} "
-        "normal litres a minute",
+        f"Gas flow through the wall: {d.gas_flow.mass:.3e} kg/s, {d.gas_flow.words} "
+        "normal litres per minute",
     ]
     for k, name in enumerate(("Static", "Synchronous")):
         values = ", ".join(f"{n} {d.coefficients.column(n)[k]:.4g}" for n in NAMES)

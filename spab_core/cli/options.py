@@ -32,6 +32,8 @@ MAX_WORKERS = 1024
 MAX_SEED = 2**32 - 1
 LIKELY_STEPS = 8  # 0.5:1:25 is likelier steps of 1 up to 25, 0.25:8.5:34 is 34 values
 LARGEST_STOP = 50.0  # bearing number or kg; 0.05:8.5:170 is 170 values
+LIKELY_STEP = 200  # 5000:30000:1000 is likelier steps of 1000 than 1000 values
+_GROUPED = r"[1-9]\d{0,2}(\.\d{3})+"
 _LEFT_OUT = "default: the shipped map of the reference design"
 
 
@@ -62,6 +64,10 @@ def _number_hint(text: str) -> str:
         grouped = re.fullmatch(r"[1-9]\d{0,2},\d{3}", text)
         more = f", or {text.replace(',', '')} for thousands" if grouped else ""
         return f": the decimal sign is a point, {text.replace(',', '.')}{more}"
+    if re.fullmatch(r"[+-]?\d{1,3}([\s'\u2019_]\d{3})+", text):
+        return f": write {re.sub(r'[^0-9+-]', '', text)}, without signs between the thousands"
+    if found := re.fullmatch(r"([+-]?[\d.]*\d)\s*k(rpm)?", text):
+        return f": write {1e3 * float(found[1]):g}" if found[1].count(".") < 2 else ""
     if found := re.fullmatch(r"([+-]?[\d.]*\d(?:[eE][+-]?\d+)?)\s*[^\W\d]\S*", text):
         return f": write {found[1]}, without its unit"
     return ""
@@ -69,7 +75,7 @@ def _number_hint(text: str) -> str:
 
 def speed(text: str) -> float:
     """Read a shaft speed; one such as 20.000 may be twenty or twenty thousand."""
-    if re.fullmatch(r"[1-9]\d{0,2}(\.\d{3})+", text):
+    if re.fullmatch(_GROUPED, text):
         raise argparse.ArgumentTypeError(
             f"{text!r} can be read in two ways: write {text.replace('.', '')}, or "
             f"{text.rstrip('0')}{'0' if text.rstrip('0').endswith('.') else ''}"
@@ -148,7 +154,7 @@ _LIMITS = (
         "--least-film",
         "least_film",
         1e-6,
-        "thinnest film allowed, µm; default: the larger of 3 µm and five roughness lengths",
+        "least film allowed, µm; default: the larger of 3 µm and five roughness lengths",
     ),
     ("--max-eccentricity", "eccentricity", 1.0, "largest eccentricity allowed, over the clearance"),
     (
@@ -218,6 +224,9 @@ def bearing_numbers(args: argparse.Namespace, design: Design) -> np.ndarray:
 
 def rpm_range(text: str, design: Design) -> str:
     """Return a range of speeds in rpm as one of bearing numbers."""
+    for part in text.split(":")[:2]:
+        if re.fullmatch(_GROUPED, part.strip()):
+            speed_of(part.strip())
     values = values_of(text, "--rpm")
     ends = (bearing_number_of(design, None, float(v), "--rpm") for v in (values[0], values[-1]))
     return ":".join([*map(repr, ends), str(len(values))])
@@ -233,6 +242,12 @@ def values_of(text: str, name: str) -> np.ndarray:
         print(
             f"spab: {name} = {text} is {len(values)} values from {start:g} to {second:g}; for "
             f"steps of {second:g} up to {third:g} write {meant}",
+            file=sys.stderr,
+        )
+    elif LIKELY_STEP <= third <= second - start and (second - start) % third == 0.0:
+        print(
+            f"spab: {name} = {text} is {len(values):,} values; for steps of {third:g} write "
+            f"{start:g}:{second:g}:{(second - start) / third + 1.0:g}",
             file=sys.stderr,
         )
     return values

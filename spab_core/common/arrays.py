@@ -94,6 +94,8 @@ class Schema:
         reason = " ".join(str(why).split())[:300]
         if isinstance(why, zipfile.BadZipFile):
             reason = _what_it_is(source) or reason
+        elif isinstance(why, OSError) and why.strerror:
+            reason = why.strerror
         return self.error(f"cannot read the {self.what}{name}: {reason}{self.advice}")
 
     @contextlib.contextmanager
@@ -126,10 +128,12 @@ def _what_it_is(source: str | os.PathLike[str] | bytes) -> str:
     for mark, words in _KINDS:
         if head.startswith(mark):
             return words
+    if not head:
+        return "it is empty"
     first = head.split(b"\n")[0]
     if b"\0" not in head and any(first.count(sign) > 1 for sign in (b",", b";", b"\t")):
         return "it is a table (CSV), not an NPZ file: give the file it was exported from"
-    return ""
+    return "it is a text, not an NPZ file" if b"\0" not in head else ""
 
 
 def _head(path: str | os.PathLike[str]) -> bytes:

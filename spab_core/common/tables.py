@@ -32,10 +32,11 @@ _UNPACKED = 100_000_000  # bytes of a workbook
 _NOT_A_CSV = "not a CSV table"
 _COMMENTS = ("#", "%", "//")
 _SPACES = {"two or more spaces": r"\s{2,}", "spaces": r"\s+"}
-_SEPARATORS = (",", ";", "\t", "|", *_SPACES)
+_SEPARATORS = (",", ";", "\t", "|", ":", *_SPACES)
 MISSING = frozenset(  # in lower case, as Excel, pandas, R and MATLAB write an empty cell
     ("", "nan", "na", "n/a", "#n/a", "#na", "null", "none", "<na>", "-nan", "1.#qnan")
 )
+_RULE = re.compile(r"[|+:=\s-]*(---|===)[|+:=\s-]*")  # drawn below the names
 _MARKS = (  # of encodings; that of UTF-32 begins with that of UTF-16
     (codecs.BOM_UTF32_LE, "utf-32"),
     (codecs.BOM_UTF32_BE, "utf-32"),
@@ -47,6 +48,13 @@ _OTHERS = (  # first bytes of files that are no table
     (b"\xd0\xcf\x11\xe0", "a workbook of Excel before 2007 (.xls): save it as .xlsx or CSV"),
     (b"CDF\x01", "a NetCDF file: write it as CSV (spab export MAP.npz --out MAP.csv)"),
     (b"CDF\x02", "a NetCDF file: write it as CSV"),
+    (b"MATLAB 7.3", "a MATLAB file: write it as CSV"),
+    (b"PAR1", "a Parquet file: write it as CSV"),
+    (b"ARROW1", "a Feather file: write it as CSV"),
+    (b"SQLite", "a database (SQLite): write it as CSV"),
+    (b"7z\xbc\xaf", "packed by 7-Zip: unpack it first"),
+    (b"PK\x05\x06", "an empty ZIP archive"),
+    (b"{\\rtf", "a formatted text (RTF): save it as plain text or CSV"),
     (b"\x89HDF", "an HDF5 file (NetCDF 4, or MATLAB 7.3): write it as CSV"),
     (b"MATLAB 5.0 MAT-file", "a MATLAB file: write it as CSV"),
     (b"\x93NUMPY", "a NumPy file (.npy): write it as CSV"),
@@ -110,7 +118,7 @@ def read_table(data: bytes, known: Callable[[Sequence[str]], int], most: int) ->
             raise InputError(f"{_NOT_A_CSV}: it is {what}")
     text = _decoded(data)
     begin = text.lstrip()[:200].lower()
-    if begin.startswith(("<!doctype", "<html", "<?xml")):
+    if begin.startswith(("<!doctype", "<html", "<?xml", "<table")):
         raise InputError(f"{_NOT_A_CSV}: it is a page of HTML or XML")
     if begin.startswith(("{", "[{", "[[")):
         raise InputError(f"{_NOT_A_CSV}: it is JSON")
@@ -140,6 +148,21 @@ def _decoded(data: bytes) -> str:
     return text
 
 
+_GROUPED = re.compile(r"[+-]?\d{1,3}(?:[ \u00a0\u2009\u202f'\u2019]\d{3})+(?:[.,]\d*)?")
+
+
+def _bare(cell: str) -> str:
+    """Return a cell without blanks or apostrophes around it, and without those between the
+    thousands of its number.
+    """
+    cell = cell.strip()
+    if cell[:1] == "'":
+        cell = cell.strip("' ")
+    if _GROUPED.fullmatch(cell):
+        cell = re.sub(r"[^\d+\-.,]", "", cell)
+    return cell
+
+
 class _Lines:
     """Lines of a text without comments, and where the last one given stands."""
 
@@ -154,7 +177,7 @@ class _Lines:
                 raise InputError(
                     f"{_NOT_A_CSV}: line {self.number} has more than {_MAX_LINE:,} characters"
                 )
-            if not line.lstrip().startswith(_COMMENTS):
+            if not line.lstrip().startswith(_COMMENTS) and not _RULE.fullmatch(line.strip()):
                 yield line
 
 
@@ -168,7 +191,7 @@ def _records(text: str, skip: int, separator: str) -> Iterator[tuple[int, list[s
         records = csv.reader(lines, delimiter=separator, skipinitialspace=True)
     try:
         for record in records:
-            cells = [cell.strip() for cell in record]
+            cells = [_bare(cell) for cell in record]
             if len(cells) > MAX_COLUMNS:
                 raise InputError(
                     f"line {lines.number} has {count(len(cells), 'value')}: allowed are at most "
@@ -312,12 +335,12 @@ def _best_sheet(sheets: Sequence[Any], known: Callable[[Sequence[str]], int], mo
 def _sheet_rows(sheet: Any, most: int) -> Iterator[tuple[int, list[str]]]:
     rows = sheet.iter_rows(max_row=2 * most, max_col=MAX_COLUMNS, values_only=True)
     for number, row in enumerate(rows, 1):
-        cells = ["" if value is None else str(value).strip() for value in row]
+        cells = ["" if value is None else _bare(str(value)) for value in row]
         if any(cells) and not cells[0].startswith(_COMMENTS):
             yield number, cells
 
 
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)*|[.,]\d+)([eE][+-]?\d+)?")
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)*|[.,]\d+)([eEdD][+-]?\d+)?")
 
 
 def is_number(text: str) -> bool:
@@ -369,17 +392,18 @@ def decimal_sign(columns: Sequence[pd.Series], separator: str) -> tuple[str, str
 
 def numbers(column: pd.Series, sign: tuple[str, str]) -> np.ndarray:
     """Return a column of text as numbers, nan where a cell is none; ``sign`` is of
-    :func:`decimal_sign`.
+    :func:`decimal_sign`. Powers of ten may be written with d, as Fortran does.
     """
     decimal, thousands = sign
     text = column
     if thousands:
         grouped = column.str.fullmatch(
-            rf"[+-]?\d{{1,3}}(\{thousands}\d{{3}})+(\{decimal}\d*)?([eE][+-]?\d+)?"
+            rf"[+-]?\d{{1,3}}(\{thousands}\d{{3}})+(\{decimal}\d*)?([eEdD][+-]?\d+)?"
         )
         text = column.where(~grouped, column.str.replace(thousands, "", regex=False))
     if decimal == ",":
         text = text.str.replace(".", "x", regex=False).str.replace(",", ".", regex=False)
-    plain = text.str.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-    found: np.ndarray = pd.to_numeric(text.where(plain), errors="coerce").to_numpy(float)
+    plain = text.str.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?")
+    text = text.where(plain).str.replace("[dD]", "e", regex=True)
+    found: np.ndarray = pd.to_numeric(text, errors="coerce").to_numpy(float)
     return found

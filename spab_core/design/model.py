@@ -7,6 +7,7 @@ ambient pressure p_a, forces over p_a R², time as the shaft angle tau = omega t
 
 from __future__ import annotations
 
+import codecs
 import dataclasses
 import json
 import logging
@@ -746,7 +747,8 @@ def design_remarks(data: str | bytes) -> list[str]:
 def _decoded(data: bytes) -> str:
     _check_length(data)
     try:
-        return data.decode("utf-8")
+        marked = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        return data.decode("utf-16" if marked else "utf-8")
     except UnicodeDecodeError:
         raise DesignError("not a text file in UTF-8: save it again with that encoding") from None
 

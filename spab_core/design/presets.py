@@ -7,6 +7,7 @@ from importlib import resources
 
 from spab_core.common.errors import InputError
 from spab_core.design.model import Design, parse_design
+from spab_core.design.slips import near
 
 
 @dataclass(frozen=True)
@@ -113,5 +114,8 @@ PRESETS = {
 def preset(name: str) -> Preset:
     """The preset of that name. Raises :class:`InputError` with the names there are."""
     if name not in PRESETS:
-        raise InputError(f"there is no preset {str(name)[:60]!r}: allowed are {', '.join(PRESETS)}")
+        raise InputError(
+            f"there is no preset {str(name)[:60]!r}: allowed are {', '.join(PRESETS)}"
+            f"{near(str(name), PRESETS)}"
+        )
     return PRESETS[name]

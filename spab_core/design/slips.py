@@ -8,26 +8,49 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 # usual values in the unit of the file, and what one of another unit is in it; a value outside the
 # usual range is doubted. Keys that are not listed are not looked at.
 USUAL: dict[str, tuple[float, float, dict[str, float]]] = {
     "bearing.radius": (0.003, 0.3, {"mm": 1e-3, "cm": 1e-2}),
-    "bearing.clearance": (2e-6, 2e-4, {"µm": 1e-6, "mm": 1e-3}),
+    "bearing.length": (0.003, 0.6, {"mm": 1e-3, "cm": 1e-2}),
+    "bearing.clearance": (2e-6, 2e-4, {"µm": 1e-6, "mm": 1e-3, "mil (0.001 inch)": 2.54e-5}),
     "bearing.edge_latitude": (5.0, 89.5, {"radians": 180.0 / math.pi}),
     "bearing.permeability": (0.0, 1e-11, {"10⁻¹⁵ m²": 1e-15, "darcy": 9.869233e-13}),
-    "bearing.wall_thickness": (5e-4, 0.03, {"mm": 1e-3}),
-    "bearing.supply_pressure_ratio": (1.0, 20.0, {"Pa": 1.0 / 101325.0}),
-    "gas.viscosity": (5e-6, 1e-4, {"mPa s (cP)": 1e-3, "µPa s": 1e-6}),
+    "bearing.wall_thickness": (5e-4, 0.03, {"mm": 1e-3, "cm": 1e-2}),
+    "bearing.porosity": (0.0, 0.6, {"%": 1e-2}),
+    "bearing.layer_permeability": (0.0, 1e-11, {"10⁻¹⁵ m²": 1e-15}),
+    "bearing.layer_thickness": (0.0, 2e-3, {"mm": 1e-3, "µm": 1e-6}),
+    "bearing.supply_pressure_ratio": (
+        1.0,
+        20.0,
+        {"Pa": 1.0 / 101325.0, "mbar": 1.0 / 1013.25, "kPa": 1.0 / 101.325},
+    ),
+    "gas.viscosity": (
+        5e-6,
+        1e-4,
+        {"mPa s (cP)": 1e-3, "10⁻⁵ Pa s": 1e-5, "µPa s": 1e-6},
+    ),
     "gas.ambient_pressure": (
         2e4,
         2e6,
-        {"mbar (hPa)": 1e2, "bar": 1e5, "kPa": 1e3, "MPa": 1e6, "atm": 101325.0},
+        {
+            "mbar (hPa)": 1e2,
+            "bar": 1e5,
+            "kPa": 1e3,
+            "MPa": 1e6,
+            "mmHg (Torr)": 133.322,
+            "psi": 6894.757,
+        },
     ),
     "rotor.shaft_stiffness": (1e5, 1e11, {"N/µm": 1e6, "N/mm": 1e3}),
     "rotor.journal_mass_fraction": (0.01, 0.99, {"%": 1e-2}),
     "rotor.unbalance_eccentricity": (0.0, 1e-4, {"µm": 1e-6, "mm": 1e-3}),
+    "rotor.span": (0.0, 10.0, {"mm": 1e-3}),
+    "rotor.transverse_inertia": (0.0, 100.0, {"kg cm²": 1e-4, "kg mm²": 1e-6}),
+    "rotor.polar_inertia": (0.0, 100.0, {"kg cm²": 1e-4, "kg mm²": 1e-6}),
+    "contact.roughness": (1e-3, 0.1, {"%": 1e-2}),
 }
 LARGEST_CLEARANCE = 1.1e-3  # radial, over the radius; bearings of this kind have 0.3e-3 to 1e-3
 _RATIO = "bearing.supply_pressure_ratio"
@@ -67,7 +90,10 @@ def meant(key: str, value: float, low: float = -math.inf, high: float = math.inf
         return ""
     least, most, units = USUAL[key]
     digits = max(3, len(re.sub(r"e.*|\D", "", repr(value)).strip("0")))
-    for unit, factor in units.items():
+    order = list(units.items())
+    if key == "gas.ambient_pressure" and value > 0.0:  # the unit that comes nearest to the air's
+        order.sort(key=lambda unit: abs(math.log(value * unit[1] / 101325.0)))
+    for unit, factor in order:
         if value and max(least, low) <= value * factor <= min(most, high):
             return f"if that is in {unit}, write {value * factor:.{digits}g}"
     return ""
@@ -149,37 +175,77 @@ def text_hint(key: str, text: str, low: float, high: float) -> str:
     return f"write {value * factor:.6g}, the number alone"
 
 
+_GROUPED = r"[+-]?\d{1,3}([ '’]\d{3})+(\.\d*)?|[+-]?\d{1,3}(,\d{3})+\.\d*"
+_POWER = r"([+-]?[\d.]+)\s*[×x*·]\s*10\s*(?:\^|\*\*)\s*([+-]?\d+)"
+_VALUE_HINTS: tuple[tuple[str, Callable[[re.Match[str]], str]], ...] = (
+    (
+        rf"({_NUMBER})\s*[;,]",
+        lambda m: f"nothing stands behind the number: {m[1].replace(',', '.')}",
+    ),
+    (
+        _GROUPED,
+        lambda m: f"thousands are not separated: {re.sub('[^0-9.+-]', '', m[0])}",
+    ),
+    (_POWER, lambda m: f"powers of ten are written with e: {m[1]}e{m[2]}"),
+    (
+        r"[+-]?\d+,\d+([eE][+-]?\d+)?",
+        lambda m: f"the decimal sign is a point: {m[0].replace(',', '.')}",
+    ),
+    (
+        r"[+-]?\.\d+([eE][+-]?\d+)?",
+        lambda m: f"a digit is missing before the point: {m[0].replace('.', '0.', 1)}",
+    ),
+    (
+        r"[+-]?\d+\.([eE][+-]?\d+)?",
+        lambda m: f"a digit is missing behind the point: {m[0].replace('.', '.0', 1)}",
+    ),
+    (
+        r"[+-]?[\d.]+[dD][+-]?\d+",
+        lambda m: f"the exponent begins with e: {re.sub('[dD]', 'e', m[0])}",
+    ),
+    (
+        r"[+-]?0\d+(\.\d+)?",
+        lambda m: f"a number does not begin with 0: {m[0].lstrip('+0') or '0'}",
+    ),
+    (
+        rf"{_NUMBER}\s*[^\W\d_%°²].*|{_NUMBER}\s*[%°].*",
+        lambda _: "the number stands alone, in the unit of the file (m, deg, Pa, Pa s, N/m)",
+    ),
+    (r"[A-Za-z ]+", lambda _: "a value is a number; inf is a rigid shaft"),
+)
+_LINE_HINTS = (
+    (r"^\s*(//|;|%|!)", "a comment begins with #"),
+    (
+        "[\u00a0\u2007\u202f\u2009]",
+        "the line has a blank of another kind (non-breaking): type it again",
+    ),
+    ("[“”„‘]", 'a text stands in straight quotes, "…"'),
+    ("\u2212", "the minus sign is not that of a keyboard"),
+    ("^[^=]+:[^=]*$", "a value is given as key = value"),
+)
+
+
 def syntax_hint(text: str, message: str) -> str:
     """What is wrong with the line of a TOML text that a parser's message names, and what to write;
     "" where it is nothing known.
     """
-    if text.lstrip().startswith("{"):
-        return "it is JSON"
+    for begin, what in (("{", "it is JSON"), ("PK", "it is a workbook or a ZIP archive")):
+        if text.lstrip().startswith(begin):
+            return what
     found = re.search(r"at line (\d+)", message)
     lines = text.split("\n")
     if not found or not 1 <= int(found[1]) <= len(lines):
         return ""
     line = lines[int(found[1]) - 1].split("#")[0]
-    if re.search(r"[\u00a0\u2007\u202f\u2009]", line):
-        return "the line has a blank of another kind (non-breaking): type it again"
-    parts = line.partition("=")
-    if not parts[1]:
-        return ""
-    value = parts[2].strip()
+    if "Cannot declare" in message:
+        return "the section stands twice"
+    for pattern, words in _LINE_HINTS:
+        if re.search(pattern, line):
+            return words
+    key, _, value = (part.strip() for part in line.partition("="))
     if "overwrite" in message:
-        return f"{parts[0].strip()} stands twice, or as a value and a section"
-    if re.fullmatch(r"[+-]?\d+,\d+([eE][+-]?\d+)?", value):
-        return f"the decimal sign is a point: {value.replace(',', '.')}"
-    if re.fullmatch(r"[+-]?\.\d+([eE][+-]?\d+)?", value):
-        return f"a digit is missing before the point: {value.replace('.', '0.', 1)}"
-    if re.fullmatch(r"[+-]?\d+\.([eE][+-]?\d+)?", value):
-        return f"a digit is missing behind the point: {value.replace('.', '.0', 1)}"
-    if re.fullmatch(r"[+-]?[\d.]+[dD][+-]?\d+", value):
-        return f"the exponent begins with e: {re.sub('[dD]', 'e', value)}"
-    if re.fullmatch(r"[+-]?0\d+(\.\d+)?", value):
-        return f"a number does not begin with 0: {value.lstrip('+0') or '0'}"
-    if re.fullmatch(rf"{_NUMBER}\s*[^\W\d_%°²].*|{_NUMBER}\s*[%°].*", value):
-        return "the number stands alone, in the unit of the file (m, deg, Pa, Pa s, N/m)"
-    if re.fullmatch(r"[A-Za-z ]+", value):
-        return "a value is a number; inf is a rigid shaft"
+        return f"{key} stands twice, or as a value and a section"
+    for pattern, hint in _VALUE_HINTS:
+        if match := re.fullmatch(pattern, value):
+            return hint(match)
     return ""

@@ -66,13 +66,18 @@ class GasFlow:
     mass : float
         kg/s of air at 20 °C.
     normal_litres : float
-        Litres a minute at 0 °C and 1.01325 bar.
+        Normal litres per minute at 0 °C and 1.01325 bar.
     """
 
     wall: float
     edges: float
     mass: float
     normal_litres: float
+
+    @property
+    def words(self) -> str:
+        """Normal litres per minute as they are told: below a hundredth there is no flow."""
+        return f"{self.normal_litres:.3g}" if abs(self.normal_litres) >= 0.01 else "0"
 
 
 @dataclass(frozen=True)
@@ -84,7 +89,7 @@ class Whirl:
     ratio : float
         Frequency over the shaft speed.
     speed_rpm : float
-        Frequency in whirls a minute.
+        Frequency in cycles per minute.
     growth : float
         Growth rate, natural logarithm per revolution; negative: the rotor at rest on its film is
         stable.
@@ -287,11 +292,11 @@ class Derived:
         rpm, growth = whirl.speed_rpm, abs(whirl.growth)
         if whirl.stable:
             return (
-                f"Stable at rest: the least stable {name}, {rpm:,.0f} a minute, decays by "
+                f"Stable at rest: the least stable {name}, at {rpm:,.0f} cycles/min, decays by "
                 f"{growth:.3g} per revolution."
             )
         return (
-            f"Unstable at rest: a {name} of {rpm:,.0f} a minute grows by {growth:.3g} per "
+            f"Unstable at rest: a {name} at {rpm:,.0f} cycles/min grows by {growth:.3g} per "
             "revolution."
         )
 

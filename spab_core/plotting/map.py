@@ -79,11 +79,11 @@ def _layer(
         return hover(m, "") | class_layer(figure, _classes(m))
     bar = {"thickness": 12, "len": 1.0, "title_side": "right", "xpad": 4}
     if layer == "Contact share":
-        return hover(m, "<br>in contact %{z:.1f} % of the time") | {
+        return hover(m, "<br>contact share %{z:.1f} %") | {
             "z": 100.0 * m.contact_share,
             "zmin": 0.0,
             "colorscale": "Cividis",
-            "colorbar": {"title": "time in contact, %", **bar},
+            "colorbar": {"title": "contact share, %", **bar},
         }
     if layer == "Largest eccentricity":
         return hover(m, "<br>largest eccentricity %{z:.3f}") | {

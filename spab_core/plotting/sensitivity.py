@@ -83,7 +83,7 @@ def tornado_figure(base: MachineMargin, table: pd.DataFrame) -> go.Figure:
 
 
 def run_up_figure(line: Bifurcation, sweep: str = "up") -> go.Figure:
-    """A machine's run-up: largest eccentricity and time in contact over the speed, before bands of
+    """A machine's run-up: largest eccentricity and contact share over the speed, before bands of
     what the motion is worth.
 
     Parameters
@@ -115,7 +115,7 @@ def run_up_figure(line: Bifurcation, sweep: str = "up") -> go.Figure:
         x=speed_rpm,
         y=100.0 * branch.contact_share,
         mode="lines",
-        name="time in contact",
+        name="contact share",
         yaxis="y2",
         line={"color": PINK, "dash": "dot"},
     )
@@ -125,7 +125,7 @@ def run_up_figure(line: Bifurcation, sweep: str = "up") -> go.Figure:
         xaxis={"title": "Speed, rpm", "showgrid": False},
         yaxis={"title": "largest eccentricity, over C", "range": [0.0, 1.1], "dtick": 0.25},
         yaxis2={
-            "title": "time in contact, %",
+            "title": "contact share, %",
             "overlaying": "y",
             "side": "right",
             "range": [0.0, 110.0],

@@ -13,17 +13,20 @@ from spab_core.common.errors import InputError
 from spab_core.common.tables import is_number
 
 NUMBER, SPEED, MASS, EXPONENT = "bearing_number", "speed_rpm", "rotor_mass", "mle"
+_ANGULAR = ("omega", "ω", "angular speed", "angular velocity", "angular frequency")
+_TURNS = ("n", "f", "frequency", "rotational frequency", "rotation frequency", "drehfrequenz")
 # as spab writes them, and what else people call them; "lambda" (λ) is either of two
 NAMES = {
     NUMBER: ("bearing_number", "bearing no", "bearing nr", "Λ", "compressibility number"),
     SPEED: (
         "speed",
         "rpm",
-        "n",
-        "omega",
-        "ω",
+        *_ANGULAR,
+        *_TURNS,
         "shaft speed",
         "rotor speed",
+        "spindle speed",
+        "running speed",
         "rotation speed",
         "rotational speed",
         "spin speed",
@@ -33,7 +36,12 @@ NAMES = {
     EXPONENT: (
         "mle",
         "lle",
+        "largest le",
+        "maximum le",
+        "max le",
         "lyapunov",
+        "lyapunov max",
+        "lyap",
         "exponent",
         "lyapunov exponent",
         "maximum lyapunov exponent",
@@ -65,7 +73,8 @@ UNITS: dict[str, dict[str, float | str]] = {
             1.0,
         ),
         **dict.fromkeys(("krpm",), 1e3),
-        **dict.fromkeys(("hz", "rps", "rev/s", "r/s", "1/s", "s-1"), 60.0),
+        **dict.fromkeys(("hz", "rps", "rev/s", "r/s", "u/s"), 60.0),
+        **dict.fromkeys(("1/s", "s-1"), "per second"),  # turns or radians, as the name says
         **dict.fromkeys(("khz",), 60e3),
         **dict.fromkeys(("rad/s", "rad s-1"), 30.0 / math.pi),
     },
@@ -83,6 +92,7 @@ UNITS: dict[str, dict[str, float | str]] = {
                 "per rev",
                 "per revolution",
                 "1/revolution",
+                "1/u",
                 "nats/rev",
                 "per revolution, natural logarithm",
             ),
@@ -107,12 +117,14 @@ UNITS: dict[str, dict[str, float | str]] = {
     },
 }
 NO_UNIT = ("", "1", "none", "dimensionless", "dimlos")  # "-" has no letters
+_PER_SECOND = {**dict.fromkeys(_ANGULAR, 30.0 / math.pi), **dict.fromkeys(_TURNS, 60.0)}
 
 
 def _plain(text: str) -> str:
     """Words of a name or unit, one blank between them; Λ stays another letter than λ."""
     text = unicodedata.normalize("NFKC", text).replace("Λ", "\0")
-    return " ".join(re.findall(r"\w+|\0", text.casefold().replace("_", " "))).replace("\0", "Λ")
+    words = re.findall(r"[\w%‰°$€]+|\0", text.casefold().replace("_", " "))
+    return " ".join(words).replace("\0", "Λ")
 
 
 _NAMES = {_plain(name): quantity for quantity, names in NAMES.items() for name in names}
@@ -155,19 +167,32 @@ def understand(name: str, place: int = 0) -> Column | None:
         quantity = _NAMES.get(" ".join(words[:k]))
         if quantity is None:
             continue
-        rest = " ".join(words[k:])
+        rest = " ".join(words[k:]).removeprefix("in ")
         if rest in NO_UNIT:
             told = "rpm" if (quantity, words[:k]) == (SPEED, ["rpm"]) else None
             return Column(place, name, quantity, UNITS[SPEED][told] if told else None)
         for candidate in (quantity,) if quantity else (NUMBER, EXPONENT):
             if rest in _UNITS[candidate]:
-                return Column(place, name, candidate, _UNITS[candidate][rest])
+                return Column(place, name, candidate, _turns(_UNITS[candidate][rest], name))
         if re.search(r"[\[(].+[\])]\s*$", name):
             raise InputError(
                 f"the unit in {name[:60]!r} is not known{_known_units(quantity or EXPONENT)}"
             )
         return None
     return None
+
+
+def _turns(unit: float | str, name: str) -> float | str:
+    """Return the unit, one of turns or radians for a speed per second of that name."""
+    if unit != "per second":
+        return unit
+    words = _plain(name)
+    for known, factor in _PER_SECOND.items():
+        if f"{words} ".startswith(f"{known} "):
+            return factor
+    raise InputError(
+        f"{name[:60]!r} may be turns or radians in a second: write rev/s (Hz) or rad/s"
+    )
 
 
 def _known_units(quantity: str) -> str:
@@ -200,6 +225,7 @@ def with_unit(column: Column, text: str) -> Column:
         For a unit that is not known, or differs from the one in the name.
     """
     unit = unit_of(column.quantity, text)
+    unit = unit and _turns(unit, column.name)
     if unit is not None and column.unit is not None and unit != column.unit:
         raise InputError(f"{column.name[:60]!r} and the unit below it, {text[:40]!r}, differ")
     return dataclasses.replace(column, unit=column.unit if unit is None else unit)

@@ -211,7 +211,7 @@ def _matrix(table: Table) -> _Read | None:
     found = corner(names[0])
     if found is None:
         raise InputError(
-            f"the table is a matrix, and its first cell {names[0][:40]!r} does not tell what its "
+            f"the table is a matrix, and its first cell {names[0][:40]!r} does not say what its "
             "rows and columns are: write there mass/Lambda or, for speeds, mass/speed [rpm] (rows "
             "first)"
         )
@@ -241,8 +241,8 @@ def _bearing_numbers(
             speed = cells[SPEED].values * float(unit)
         elif NUMBER not in cells:
             raise InputError(
-                f"the column {name} does not tell its unit: name it speed_rpm, speed [Hz] or speed "
-                "[rad/s]"
+                f"the column {name} does not state its unit: name it speed_rpm, speed [Hz] or "
+                "speed [rad/s]"
             )
     if NUMBER in cells:
         number = cells[NUMBER].values

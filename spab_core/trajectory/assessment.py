@@ -224,7 +224,7 @@ def motion_rules(design: Design, motion: Motion, limits: Limits = DEFAULT_LIMITS
         RUBBING,
         AVOID,
         ok & (contact > CONTACT),
-        lambda: f"contact in {100 * contact:.3g} % of the time, limit {100 * CONTACT:g} %",
+        lambda: f"contact share {100 * contact:.3g} %, limit {100 * CONTACT:g} %",
     )
     for kind, where in whirls.items():
         yield Rule(kind, AVOID, where & large, whirl_words)
@@ -301,7 +301,7 @@ def rest_rules(rest: Derived | None, limits: Limits = DEFAULT_LIMITS) -> Iterato
             WATCH,
             True,
             lambda: (
-                f"unstable at rest: a {family} of {whirl.speed_rpm:,.0f} a minute grows by "
+                f"unstable at rest: a {family} at {whirl.speed_rpm:,.0f} cycles/min grows by "
                 f"{whirl.growth:.3g} per revolution"
             ),
         )
@@ -326,7 +326,7 @@ def _words_of(assumption: Assumption) -> str:
 
 def _resonance_words(name: str, mode: Mode, margin: float, speed_rpm: float) -> str:
     return (
-        f"resonance: a {name} of {mode.ratio * speed_rpm:,.0f} a minute with the amplification "
+        f"resonance: a {name} at {mode.ratio * speed_rpm:,.0f} cycles/min with the amplification "
         f"{mode.amplification:.1f} is {100 * abs(mode.ratio - 1.0):.1f} % from the speed, limit "
         f"{100 * margin:.0f} %"
     )

@@ -173,9 +173,24 @@ class OperatingPoint:
         """
         rest = rest or self.rest
         found = assess(self.design, self.motion, rest, limits)
+        if self.on_circle:
+            words = "Whirl of its own frequency on one circle (a limit cycle)"
+            found = dataclasses.replace(found, motion=words)
         if found.grade == "avoid" or self.beside is None:
             return found
         return assess(self.design, self.motion, rest, limits, beside_words(self.beside))
+
+    @property
+    def on_circle(self) -> bool:
+        """Whether a motion that does not repeat after whole revolutions is one circle, as of a
+        rotor without unbalance and weight: a limit cycle, no torus.
+        """
+        radius = np.hypot(*self.trajectory.section[:, :2].T)
+        return bool(
+            self.motion.regime == "quasi-periodic"
+            and self.design.rotor.unbalance_eccentricity == 0.0
+            and np.ptp(radius) < 1e-3 * radius.mean()
+        )
 
     @functools.cached_property
     def beside(self) -> OperatingPoint | None:

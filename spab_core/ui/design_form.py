@@ -292,7 +292,7 @@ def design_popover() -> None:
     with st.popover("Design", icon=":material/tune:"):
         design_fields()
         st.button(
-            "Back to the reference bearing",
+            "Back to the example bearing",
             on_click=take_design,
             args=(reference_design(),),
             key="design_reset",

@@ -85,7 +85,7 @@ def _tell_end(place: DeltaGenerator, job: Job | None, damage: str) -> str:
     if KINDS[job.kind].resumes:
         place.warning(f"Cancelled{_count(job)}. What has been solved is kept.")
         return "Go on"
-    place.warning(f"Cancelled{_count(job)}. Nothing is kept of it: it starts from the beginning.")
+    place.warning(f"Cancelled{_count(job)}. Nothing of it was kept: it starts from the beginning.")
     return "Start again"
 
 

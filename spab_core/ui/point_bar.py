@@ -7,15 +7,21 @@ from streamlit.delta_generator import DeltaGenerator
 
 from spab_core.design.form import AMBIENT, FIELDS, SUPPLY, to_form
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
+from spab_core.design.model import Design, reference_design
 from spab_core.ui.design_form import take_design
 from spab_core.ui.view import (
     EXAMPLE,
     NAME_LENGTH,
     PRESSURES,
     chosen_design,
+    chosen_point,
+    design_words,
     is_reference,
+    is_typed,
+    note_live,
     note_typed,
     set_speed,
+    show_value,
     supply_below,
     supply_range,
 )
@@ -23,15 +29,15 @@ from spab_core.ui.view import (
 _WIDTH = 150  # of a field, pixels
 
 
-def _speed_typed() -> None:
+def _speed_typed(design: Design) -> None:
     state = st.session_state
-    if state["rpm"] is not None:  # an emptied field keeps the speed
-        set_speed(chosen_design(), state["rotor_mass"], state["rpm"])
+    if is_typed("rpm"):  # an emptied field keeps the speed
+        set_speed(design, state["rotor_mass"], state["rpm"])
 
 
 def _supply_typed() -> None:
     state, design = st.session_state, chosen_design()
-    if state["supply"] is None:
+    if not is_typed("supply"):
         return
     ratio = (state["supply"] + supply_below(design)) / to_form(design)[AMBIENT]
     field = FIELDS[SUPPLY]
@@ -39,29 +45,36 @@ def _supply_typed() -> None:
     note_typed([SUPPLY])
 
 
-def _show(key: str, value: float) -> None:
-    """Have a field show a value; one that does is let alone, as the user may be typing there."""
-    if st.session_state.get(key) != value:
-        st.session_state[key] = value
+def example_line() -> None:
+    """Say on a page about the example bearing that the chosen point and design are not its
+    subject, and what they are, in the order of :func:`point_bar`.
+    """
+    mass, number = chosen_point()
+    st.markdown(
+        f":small[This page is about the **{EXAMPLE}**. The chosen point is kept: {mass:.4g} kg, "
+        f"{chosen_design().speed_rpm(number):,.0f} rpm, Λ {number:.4g}, {design_words()}.]"
+    )
 
 
-def point_bar() -> DeltaGenerator:
+def point_bar(*, of_example: bool = False) -> DeltaGenerator:
     """Show rotor mass, shaft speed, bearing number, supply pressure and the design's name in a row.
 
     The values are those of the view (:func:`spab_core.ui.view.chosen_point`).
+
+    Parameters
+    ----------
+    of_example : bool
+        The page is about the example bearing: its speeds, no supply and name of another design.
 
     Returns
     -------
     DeltaGenerator
         The row, for what a page asks besides.
     """
-    state, design = st.session_state, chosen_design()
+    state, design = st.session_state, reference_design() if of_example else chosen_design()
     slowest, fastest = (design.speed_rpm(limit) for limit in BEARING_NUMBER_RANGE)
     speed = float(f"{design.speed_rpm(state['bearing_number']):.6g}")
-    _show("rpm", min(max(speed, slowest), fastest))
-    low, high = supply_range(design)
-    shown = float(f"{to_form(design)[SUPPLY] - supply_below(design):.6g}")
-    _show("supply", min(max(shown, low), high))
+    show_value("rpm", min(max(speed, slowest), fastest))
     row = st.container(horizontal=True, vertical_alignment="bottom", key="point_bar")
     row.number_input(
         "Rotor mass, kg",
@@ -83,7 +96,8 @@ def point_bar() -> DeltaGenerator:
         format="%.0f",
         width=_WIDTH,
         on_change=_speed_typed,
-        help="The same as Λ, of the chosen design",
+        args=(design,),
+        help=f"The same as Λ, of the {EXAMPLE if of_example else 'chosen design'}",
     )
     row.number_input(
         "Bearing number Λ",
@@ -95,6 +109,14 @@ def point_bar() -> DeltaGenerator:
         width=_WIDTH,
         help="(6 μ ω / p_a)(R/C)²: shaft speed, dimensionless",
     )
+    if of_example:
+        kept = "" if is_reference() else f" Your own design is kept: {design_words()}."
+        row.markdown(f":small[This page is about the **{EXAMPLE}**.{kept}]", width="content")
+        note_live(("rotor_mass", "bearing_number"))
+        return row
+    low, high = supply_range(design)
+    shown = float(f"{to_form(design)[SUPPLY] - supply_below(design):.6g}")
+    show_value("supply", min(max(shown, low), high))
     gauge = state["supply_as"] == PRESSURES[0]
     row.number_input(
         f"Supply, bar {state['supply_as']}",
@@ -128,4 +150,5 @@ def point_bar() -> DeltaGenerator:
         width=210,
         placeholder=EXAMPLE if is_reference() else "own design",
     )
+    note_live(("rotor_mass", "bearing_number", "supply_as", "name"))
     return row

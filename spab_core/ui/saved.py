@@ -38,7 +38,7 @@ from spab_core.ui.drawings import show_request
 from spab_core.ui.navigation import page_path
 from spab_core.ui.running import label, time_left
 from spab_core.ui.shared import errors_in_words
-from spab_core.ui.view import EXAMPLE, set_design, set_point, with_unit
+from spab_core.ui.view import EXAMPLE, chosen_design, set_design, set_point, with_unit
 
 SHOWN = 15  # jobs, before all are asked for
 _OPEN = "_open_page"
@@ -153,8 +153,9 @@ def open_job(job: Job) -> None:
         state.update(model=p["model"], divisor=p["divisor"], draw=p["seed"], sure=True)
     if design is None:
         return
-    set_design(design)
-    state["name"] = job.name
+    if design != chosen_design():
+        set_design(design)
+        state["name"] = job.name
     if job.kind == "point":
         set_point(p["rotor_mass"], p["bearing_number"])
         _set_settings(p["settings"])

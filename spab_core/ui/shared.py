@@ -99,7 +99,7 @@ def page_head(title: str) -> None:
     if title != HOME:
         want_plotly()
     sidebar(running_jobs)
-    for complaint in open_view():
+    for complaint in open_view(title):
         st.error(complaint)
 
 

@@ -124,8 +124,7 @@ def known_words(design: Design, rotor_mass: float, bearing_number: float) -> str
         if example and cell:
             return f"{head}**{example.words}.** {cell_words(example.found, cell)}"
         return (
-            head
-            + "Nothing is known of this design before: the shipped map and its models are of the "
+            head + "Nothing is known of this design yet: the shipped map and its models are of the "
             "reference bearing."
         )
     try:
@@ -134,7 +133,7 @@ def known_words(design: Design, rotor_mass: float, bearing_number: float) -> str
         return f"{head}{error}."
     plane = ((m.bearing_number, bearing_number), (m.rotor_mass, rotor_mass))
     if not all(axis[0] <= value <= axis[-1] for axis, value in plane):
-        return head + "The point lies outside the shipped map: nothing is known of it before."
+        return head + "The point lies outside the shipped map: nothing is known of it yet."
     told = [_cell_words(m, m.nearest(rotor_mass, bearing_number))]
     if found := predicted_point(rotor_mass, bearing_number):
         told.append(

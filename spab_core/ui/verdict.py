@@ -145,10 +145,10 @@ def point_rows(point: OperatingPoint) -> dict[str, str]:
     rows |= {
         "Eccentricity at rest": f"{rest.eccentricity:.3f}",
         "Weight on the wall at rest, %": f"{100.0 * (rest.contact_load_share or 0.0):.2g}",
-        "Gas flow, normal litres a minute": f"{rest.gas_flow.normal_litres:.3g}",
+        "Gas flow, normal litres per minute": rest.gas_flow.words,
         "Balance quality G, mm/s": f"{rest.balance_grade:.3g}",
     }
     if rest.whirl:
         grows = "decays" if rest.whirl.stable else "grows"
-        rows["Least stable whirl, a minute"] = f"{rest.whirl.speed_rpm:,.0f} ({grows})"
+        rows["Least stable whirl, cycles/min"] = f"{rest.whirl.speed_rpm:,.0f} ({grows})"
     return rows

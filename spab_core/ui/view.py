@@ -236,10 +236,20 @@ _TYPED = "_typed"  # values of the design that the user gave, by their names in 
 _KEPT = "_view"  # all values as they were when the last run of a page began
 _WRITTEN = "_written"  # the address of the last run
 _TOLD = "_told"  # a sentence for the next page
+_PAGE = "_page"
+_LIVE = "_live"  # values whose fields the page's last run showed
+_SENT = (
+    "_sent"  # of fields, {key: (what the browser has, what it is to show)}, until they are drawn
+)
 
 
-def open_view() -> list[str]:
+def open_view(page: str = "") -> list[str]:
     """Begin a run: read the address where the session is new, keep the values, write the address.
+
+    Parameters
+    ----------
+    page : str
+        Its title.
 
     Returns
     -------
@@ -254,11 +264,21 @@ def open_view() -> list[str]:
     if _TOLD in state:
         complaints.append(state.pop(_TOLD))
     kept = state.get(_KEPT, {})
+    if state.get(_PAGE) != page:
+        state[_PAGE], state[_LIVE], state[_SENT] = page, (), {}
+    for key, (stale, value) in state[_SENT].items():
+        if state.get(key) == stale and key in VIEW:
+            state[key] = value
     for key, entry in VIEW.items():
         # Streamlit drops a widget's value on a page that does not show it, also when its last run
         # was that of a fragment, as under a job at work; an emptied widget has None
         value = state.get(key)
-        state[key] = kept.get(key, entry.default) if value is None else value
+        if value is None:
+            state[key] = kept.get(key, entry.default)
+        elif key not in state[_LIVE]:
+            # not where its field stands on the page: what is set goes to the browser, over what the
+            # user typed there in the meantime
+            state[key] = value
     state[_KEPT] = {key: state[key] for key in VIEW}
     wanted = {
         key: entry.write(state[key]) for key, entry in VIEW.items() if state[key] != entry.default
@@ -272,6 +292,11 @@ def open_view() -> list[str]:
         st.query_params.from_dict(wanted)
     state[_WRITTEN] = wanted
     return complaints
+
+
+def note_live(keys: Iterable[str]) -> None:
+    """Keep that the page has drawn the fields of these values, and draws them in each run."""
+    st.session_state[_LIVE], st.session_state[_SENT] = tuple(keys), {}
 
 
 def _read_address() -> list[str]:
@@ -341,7 +366,7 @@ def set_design(design: Design) -> None:
 def set_example() -> None:
     """Make the example bearing at its usual point what the user works on."""
     set_design(reference_design())
-    st.session_state["name"] = ""
+    show_value("name", "")
     set_point(VIEW["rotor_mass"].default, VIEW["bearing_number"].default)
 
 
@@ -378,8 +403,26 @@ def set_point(rotor_mass: float, bearing_number: float) -> None:
     """Make this the chosen operating point; call it in a widget's callback, before the widgets of
     the next run.
     """
-    st.session_state["rotor_mass"] = float(f"{rotor_mass:.6g}")
-    st.session_state["bearing_number"] = float(f"{bearing_number:.6g}")
+    point = {"rotor_mass": rotor_mass, "bearing_number": bearing_number}
+    for key, value in point.items():
+        show_value(key, float(f"{value:.6g}"))
+
+
+def show_value(key: str, value: object) -> None:
+    """Have a field show a value; one that does is let alone, as the user may be typing there."""
+    state = st.session_state
+    if (shown := state.get(key)) != value:
+        sent = state.setdefault(_SENT, {})
+        sent[key] = (sent.get(key, (shown,))[0], value)
+        state[key] = value
+
+
+def is_typed(key: str) -> bool:
+    """Whether a field that has changed was changed by the user: a run that ends before the field is
+    drawn leaves the browser with the value from before :func:`show_value`.
+    """
+    state = st.session_state
+    return state[key] is not None and state[key] != state.get(_SENT, {}).get(key, (None,))[0]
 
 
 def chosen_point() -> tuple[float, float]:

@@ -121,7 +121,7 @@ def test_a_compiler_that_takes_long_is_not_said_to_take_less(compiler):
 def test_nothing_is_claimed_of_an_own_design(compiler):
     at = page("pages/1_Operating_point.py", **POINT, **OWN)
     assert known(at) == [
-        "**Not solved yet.** Nothing is known of this design before: the shipped map and its "
+        "**Not solved yet.** Nothing is known of this design yet: the shipped map and its "
         "models are of the reference bearing."
     ]
 

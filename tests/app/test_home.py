@@ -304,7 +304,7 @@ def test_a_rotor_that_lies_on_the_wall_is_said_to(app):
     assert not app.exception
     (words,) = verdicts(app)
     assert "not recommended" in words and "the wall carries 100 % of the weight" in words
-    assert any("Why: contact in 100 % of the time" in c.value for c in app.caption)
+    assert any("Why: contact share 100 %" in c.value for c in app.caption)
     assert float(app.metric[1].value) > 0.97  # largest eccentricity
     assert app.metric[2].value == "100.0 %"
 

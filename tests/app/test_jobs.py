@@ -28,7 +28,7 @@ def page():
 @pytest.mark.parametrize(
     ("kind", "words", "label"),
     [
-        ("point", "Nothing is kept of it: it starts from the beginning.", "Start again"),
+        ("point", "Nothing of it was kept: it starts from the beginning.", "Start again"),
         ("bifurcation", "What has been solved is kept.", "Go on"),
     ],
 )

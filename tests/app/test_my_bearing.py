@@ -66,7 +66,7 @@ def test_first_view_is_the_reference_with_its_numbers(page):
     assert metric(page, "Attitude angle") == f"{found.attitude_angle:.1f}°"
     (words,) = verdicts(page)
     assert "Half-speed whirl" in words and "not recommended" in words
-    assert "Unstable at rest: a whirl of 4,947 a minute" in words and not page.query_params
+    assert "Unstable at rest: a whirl at 4,947 cycles/min" in words and not page.query_params
     data = json.loads(page.get("plotly_chart")[0].proto.spec)["data"]
     assert len(data) == 8 and {t["name"] for t in data} == {"xx", "xy", "yx", "yy"}
     assert any(list(table.value.columns) == list(NAMES) for table in page.dataframe)

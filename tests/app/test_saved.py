@@ -8,7 +8,7 @@ from streamlit.testing.v1 import AppTest
 
 from spab_core.design.model import reference_design
 from spab_core.jobs.store import list_jobs, submit
-from spab_core.ui import saved
+from spab_core.ui import saved, shared
 from tests.app.conftest import address, complaints, until_done
 from tests.conftest import ROOT
 
@@ -123,3 +123,20 @@ def test_the_report_names_project_and_author(monkeypatch):
     assert "Mill 3" in shown and "A. Designer" in shown and len(report) < 3e6
     box = shown[shown.index('class="box') :]
     assert "Rotor mass on one bearing" in box and "44.34 N" in box and "Assumed, not given" in box
+
+
+@pytest.mark.parametrize("name", ["Operating_point", "Bifurcation", "My_map", "What_if"])
+def test_an_own_design_is_never_drawn_on_the_map_of_the_example(name, monkeypatch):
+    def shown(*_, **__):
+        raise AssertionError("the example's map is asked for")
+
+    for drawing in ("reference_map", "marked_map_figure", "map_picture"):
+        monkeypatch.setattr(shared, drawing, shown)
+    path = next((ROOT / "pages").glob(f"*_{name}.py"))
+    at = AppTest.from_file(str(path), default_timeout=120)
+    at.query_params["bearing.clearance"] = "3e-05"
+    at.run()
+    assert not at.exception
+    if name == "My_map":  # and the example's is
+        at = AppTest.from_file(str(path), default_timeout=120).run()
+        assert at.exception

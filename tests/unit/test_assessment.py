@@ -27,7 +27,7 @@ CASES = [  # change to a calm motion, grade, words in the first reason
     ({}, "good", None),
     ({"status": "touchdown", "regime": "", "period": 0}, "avoid", "the journal touched the wall"),
     ({"status": "too-many-steps", "regime": "", "period": 0}, "avoid", "too many steps"),
-    ({"contact_share": 0.0011}, "avoid", "contact in 0.11 % of the time, limit 0.1 %"),
+    ({"contact_share": 0.0011}, "avoid", "contact share 0.11 %, limit 0.1 %"),
     ({"contact_share": 0.0009}, "good", None),
     ({"regime": "chaotic", "period": 0}, "avoid", "chaotic"),
     ({"regime": "quasi-periodic", "period": 0, "orbit_amplitude": 0.51}, "avoid", "51 % of the"),
@@ -178,7 +178,7 @@ def test_a_whirl_that_grows_at_rest_is_watched(design, calm_rest):
     rest = dataclasses.replace(calm_rest, whirl=Whirl(0.48, 4947.0, 0.326))
     found = assess(design, CALM, rest)
     assert found.grade == "watch" and "grows by 0.326" in found.reasons[0]
-    assert found.rest.startswith("Unstable at rest: a whirl of 4,947 a minute grows")
+    assert found.rest.startswith("Unstable at rest: a whirl at 4,947 cycles/min grows")
 
 
 def test_the_rotor_on_its_wall_is_said_to_lie_there(design):
@@ -218,7 +218,7 @@ def test_a_machine_on_its_resonance_is_avoided(design):
     assert near.ratio == pytest.approx(1.020, abs=0.005)
     assert near.amplification == pytest.approx(18.0, abs=1.0)
     found = solve_point(machine, 4.0, number, Settings(transient=200, revolutions=200)).assessment()
-    assert found.grade == "avoid" and found.reasons[0].startswith("resonance: a whirl of 20,4")
+    assert found.grade == "avoid" and found.reasons[0].startswith("resonance: a whirl at 20,4")
 
 
 def test_modes_whirl_with_and_against_the_rotation(design):

@@ -104,7 +104,16 @@ def test_a_range_of_speeds_is_one_of_bearing_numbers(one, other, count):
         (["stiffness", "--rpm", "20.000"], "can be read in two ways: write 20000, or 20.0"),
         (["stiffness", "--rpm", "20,000"], "20.000, or 20000 for thousands"),
         (["stiffness", "--rpm", "10200rpm"], "write 10200, without its unit"),
+        (["stiffness", "--rpm", "20krpm"], "write 20000"),
+        (["stiffness", "--rpm", "20 000"], "write 20000, without signs between the thousands"),
+        (["stiffness", "--rpm", "20'000"], "write 20000, without signs between the thousands"),
         (["stiffness", "--rpm", "9000", "--preset", "x"], "no preset 'x'"),
+        (["stiffness", "--rpm", "9000", "--preset", "fed-spindle"], "is fed_spindle meant?"),
+        (["export", "no.npz", "--out", "a.csv"], "'no.npz': No such file or directory"),
+        (
+            ["map", "--rpm", "5.000:30.000:3", "--rotor-mass", "1:2:2", "--out", "m.npz"],
+            "--rpm = '5.000' can be read in two ways",
+        ),
         (["simulate", "--rpm", "9000", "--rotor-mass", "4,52"], "decimal sign is a point, 4.52"),
         (["simulate", "--rpm", "9000", "--rotor-mass", "4 kg"], "write 4, without its unit"),
         (
@@ -297,3 +306,17 @@ def test_the_held_speed_of_a_line_is_not_a_range(capsys):
     args = SimpleNamespace(vary="rotor-mass", at=None, range="1:2:2", rpm="9000:9100:2")
     with pytest.raises(options.InputError, match="--rpm = '9000:9100:2' is not a number"):
         maps._line(args, reference_design())
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("5000:30000:1000", "for steps of 1000 write 5000:30000:26"),
+        ("5000:30000:100", ""),
+        ("5000:30000:999", ""),
+    ],
+)
+def test_a_count_that_looks_like_a_step_is_doubted(capsys, text, words):
+    assert len(options.values_of(text, "--rpm")) == int(text.split(":")[2])
+    told = capsys.readouterr().err
+    assert words in told and bool(told) == bool(words)

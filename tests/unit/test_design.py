@@ -222,6 +222,24 @@ def changed(key, value):
         (changed("ambient_pressure", "101.325"), "if that is in kPa, write 101325"),
         (changed("journal_mass_fraction", "20"), "if that is in %, write 0.2"),
         (changed("viscosity", "0.0185"), "if that is in mPa s (cP), write 1.85e-05"),
+        (changed("viscosity", "1.85"), "if that is in 10⁻⁵ Pa s, write 1.85e-05"),
+        (changed("ambient_pressure", "760"), "if that is in mmHg (Torr), write 1.01e+05"),
+        (changed("clearance", "1.0"), "if that is in mil (0.001 inch), write 2.54e-05"),
+        (changed("wall_thickness", "0.45"), "if that is in cm, write 0.0045"),
+        (changed("supply_pressure_ratio", "600"), "if that is in kPa, write 5.92"),
+        (changed("supply_pressure_ratio", "7013"), "if that is in mbar, write 6.921"),
+        (changed("roughness", "2.0"), "if that is in %, write 0.02"),
+        (changed("porosity", "15"), "if that is in %, write 0.15"),
+        (changed("ambient_pressure", "101'325"), "thousands are not separated: 101325"),
+        (changed("ambient_pressure", "101 325"), "thousands are not separated: 101325"),
+        (changed("ambient_pressure", "101,325.0"), "thousands are not separated: 101325.0"),
+        (changed("clearance", "35×10^-6"), "powers of ten are written with e: 35e-6"),
+        (changed("clearance", "35e\u22126"), "the minus sign is not that of a keyboard"),
+        (changed("radius", "0.06;"), "nothing stands behind the number: 0.06"),
+        (FULL.replace("radius =", "radius:"), "a value is given as key = value"),
+        (f"// mine\n{FULL}", "a comment begins with #"),
+        (f"{FULL}\n[bearing]\n", "the section stands twice"),
+        (f"name = “x”\n{FULL}", "straight quotes"),
         (changed("viscosity", "18.5"), "if that is in µPa s, write 1.85e-05"),
         (changed("shaft_stiffness", "50"), "if that is in N/µm, write 5e+07"),
         (changed("unbalance_eccentricity", "1.7"), "if that is in µm, write 1.7e-06"),
@@ -254,6 +272,11 @@ def test_a_likely_slip_of_unit_is_doubted(key, value, words):
     (remark,) = design_remarks(changed(key, value))
     assert f".{key} = " in remark and words in remark
     assert read_design_bytes(changed(key, value).encode())
+
+
+def test_a_design_file_that_windows_saved_as_unicode_is_read():
+    for encoding in ("utf-8-sig", "utf-16"):
+        assert read_design_bytes(FULL.encode(encoding)) == reference_design()
 
 
 @pytest.mark.parametrize("name", PRESETS)

@@ -144,6 +144,33 @@ READ = {
     "speeds in rad/s": text(
         RPM | {"speed_rpm": RPM["speed_rpm"] * np.pi / 30.0}, names=["ω / (rad/s)", "m", "mle"]
     ).encode(),
+    "radians in 1/s": text(
+        RPM | {"speed_rpm": RPM["speed_rpm"] * np.pi / 30.0}, names=["ω [s⁻¹]", "m", "mle"]
+    ).encode(),
+    "turns in 1/s, in a row of units": text(
+        RPM | {"speed_rpm": RPM["speed_rpm"] / 60.0}, names=["n", "m", "mle"]
+    )
+    .replace("\n", "\n1/s,kg,1/rev\n", 1)
+    .encode(),
+    "units behind in": text(RPM, names=["Drehzahl in U/min", "m_R in kg", "mle in 1/U"]).encode(),
+    **{
+        f"thousands between {sign!r}": text(
+            RPM
+            | {
+                "speed_rpm": [f"{v:,.12f}".replace(",", sign) for v in RPM["speed_rpm"]],
+            },
+            ";",
+        ).encode()
+        for sign in (" ", "\u00a0", "\u202f", "'", "’")
+    },
+    "colons": text(SPREAD, ":").encode(),
+    "single quotes": PLAIN.replace("\n", "'\n'").replace(",", "','").join("''").encode(),
+    "Markdown": "\n".join(f"| {line.replace(',', ' | ')} |" for line in PLAIN.splitlines())
+    .replace("\n", "\n|---|:-:|---|\n", 1)
+    .encode(),
+    "powers of ten as Fortran writes them": text(
+        SPREAD | {"mle": [f"{v!r}D+00" for v in SPREAD["mle"].tolist()]}
+    ).encode(),
     "λ beside Λ": lines("Λ", "m_r", "λ"),
     "λ alone": lines("λ", "m_r", "MLE"),
     "exponent per second": text(
@@ -215,7 +242,9 @@ def test_numbers_are_the_same_in_any_dress(data):
             ["Λ", "mass [stone]", "mle", "x"],
             r"unit in 'mass \[stone\]' is not known: give one of kg",
         ),
-        (["speed", "mass", "mle", "x"], "does not tell its unit: name it speed_rpm"),
+        (["speed", "mass", "mle", "x"], "does not state its unit: name it speed_rpm"),
+        (["speed [1/s]", "mass", "mle", "x"], "turns or radians in a second: write rev/s"),
+        (["Λ", "mass", "mle [%]", "x"], r"unit in 'mle \[%\]' is not known"),
         (["mass_number", "Λ", "mle", "x"], "no column 'rotor_mass'"),
     ],
 )
@@ -233,14 +262,17 @@ def test_what_two_columns_may_mean_is_refused(names, words):
         (b"\x89HDF\r\n", "HDF5"),
         (b"MATLAB 5.0 MAT-file, Platform", "MATLAB file"),
         (b"\x1f\x8b\x08", "packed by gzip"),
+        (b"PAR1" + b"x" * 99, "Parquet"),
+        (b"{\\rtf1 a}", "RTF"),
+        (b"<table><tr>", "page of HTML"),
         (b'{"mle": [1, 2]}', "it is JSON"),
         (b"<!DOCTYPE html><p>", "page of HTML"),
         (b"PK\x03\x04nothing", "not a workbook"),
         (b"   \n\n", "it is empty"),
         (b"# only\n# comments\n", "no line of names"),
         (PLAIN.split("\n", 1)[1].encode(), "its first line holds numbers"),
-        (matrix(""), "first cell '' does not tell"),
-        (matrix("mass/stiffness"), "does not tell what its rows and columns are"),
+        (matrix(""), "first cell '' does not say"),
+        (matrix("mass/stiffness"), "does not say what its rows and columns are"),
         (PLAIN.replace("0.5,", '"0,5",', 1).encode(), "decimal signs are mixed: '0,5' and"),
         (PLAIN.encode() + b'9,"1,500.0",0.1\n9,"1.600,0",0.1\n', "cannot be told"),
         (text({k: [f"{j},{100 + j}" for j in range(1, 90)] for k in SPREAD}).encode(), "two ways"),

@@ -205,7 +205,9 @@ def test_speed_or_bearing_number():
 @pytest.mark.parametrize(
     "data, words",
     [
-        (b"\xff\xfe", "UTF-8"),
+        (b"\xff\x00", "UTF-8"),
+        (b"\xff\xfe\x00", "UTF-8"),
+        (b"\xff\xfe", "it is empty"),
         (b"x" * 200_000, "more than 20,000 bytes"),
         (b"[bearing", "TOML"),
         (b"[bearing]\nradius = -1", "radius"),

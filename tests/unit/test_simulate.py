@@ -142,3 +142,15 @@ def test_dtm_gives_the_same_answer(design):
     b = solve_point(design, 7.0, 6.0, Settings(**settings, method="dtm"))
     assert a.regime == b.regime
     assert a.mle.value == pytest.approx(b.mle.value, abs=0.002)
+
+
+def test_a_motion_on_one_circle_is_called_a_limit_cycle(design):
+    balanced = design.replace(rotor__unbalance_eccentricity=0.0)
+    weightless = balanced.replace(rotor__gravity=0.0)
+    circle, loaded = (
+        solve_point(d, 4.52, 3.45, Settings("3x16", transient=200, revolutions=100))
+        for d in (weightless, balanced)
+    )
+    assert circle.on_circle and "limit cycle" in circle.assessment().motion
+    assert circle.assessment().motion in circle.verdict()
+    assert not loaded.on_circle

@@ -1,0 +1,50 @@
+"""What is typed while a slow run of the page goes on, in real Chromium."""
+
+import pytest
+
+from spab_core.design.model import reference_design
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
+SLOW = """
+import time
+
+import streamlit as st
+
+from spab_core.ui.point_bar import point_bar
+from spab_core.ui.shared import page_head
+
+page_head("slow")
+st.title("Slow")
+time.sleep(1.0)  # so that the next value comes before this run has drawn its fields
+point_bar()
+time.sleep(0.5)
+st.write(f"solved {st.session_state['rotor_mass']:g} {st.session_state['bearing_number']:g}")
+"""
+
+
+def test_values_typed_one_after_the_other_all_stand(chromium, tools, tmp_path):
+    script = tmp_path / "slow.py"
+    script.write_text(SLOW)
+    with tools.dashboard(script) as address, tools.browser_page() as page:
+        page.goto(address)
+        page.get_by_text("solved 4.52 3.45").wait_for(timeout=60_000)
+
+        def enter(label, value):
+            field = page.get_by_label(label, exact=True)
+            field.fill(value)
+            field.press("Enter")
+            page.wait_for_timeout(300)
+
+        enter("Shaft speed, rpm", "6000")
+        enter("Rotor mass, kg", "2.5")
+        number = reference_design().bearing_number(6000.0 * 3.14159265 / 30.0)
+        page.get_by_text(f"solved 2.5 {number:.6g}").wait_for(timeout=20_000)
+        enter("Bearing number Λ", "1.5")
+        enter("Name of the design", "mine")
+        enter("Rotor mass, kg", "3")
+        page.get_by_text("solved 3 1.5").wait_for(timeout=20_000)
+        page.get_by_label("Bearing number Λ", exact=True).fill("1.7")  # not entered yet
+        enter("Rotor mass, kg", "3.5")
+        page.get_by_text("solved 3.5 1.7").wait_for(timeout=20_000)
+        assert page.get_by_label("Name of the design", exact=True).input_value() == "mine"
