@@ -5,6 +5,7 @@ better.
 import streamlit as st
 
 from spab_core.design.tolerances import VALUES, parse_list
+from spab_core.drawings.improve import outside_words
 from spab_core.maps.sensitivity import AXES
 from spab_core.trajectory.assessment import GRADE_WORDS, GRADES
 from spab_core.ui.drawings import (
@@ -71,17 +72,27 @@ def a_better_drawing() -> None:
     row = st.container(horizontal=True, vertical_alignment="bottom")
     row.selectbox("Wanted", WISH_PAIRS, key="wish", width=260, format_func=wish_words)
     choice("Margin up in", AXES, place=row, key="draw_axis")
+    row = st.container(horizontal=True, vertical_alignment="bottom")
     choice(
-        "Grade at worst",
+        "Must hold: grade at worst",
         GRADES[:2],
         place=row,
         key="worst_grade",
         format_func=GRADE_WORDS.__getitem__,
     )
     number_field(
-        "Gas flow at most, Nl/min (0: any)", 0.0, 1e6, place=row, key="most_flow", width=240
+        "Gas flow at most, Nl/min (0: any)", 0.0, 1e6, place=row, key="most_flow", width=230
     )
     number_field("Stiffness at least, N/µm", 0.0, 1e6, place=row, key="least_stiffness", width=200)
+    number_field(
+        "Least film at least, µm",
+        0.0,
+        1e3,
+        place=row,
+        key="held_film",
+        width=180,
+        help="Besides the limits of the verdict, which always hold",
+    )
     number_field(
         "Carries at rest, × mass",
         1.0,
@@ -98,11 +109,14 @@ def a_better_drawing() -> None:
         st.info("Choose the values that may move, and between which bounds.")
         return
     state = st.session_state
+    if state["worst_grade"] == "good" and (words := outside_words(machine)):
+        st.warning(words)
     asked = request() | {
         "ranges": {VALUES[name].key: list(bounds) for name, bounds in ranges.items()},
         "wishes": state["wish"].split(", "),
         "most_gas_flow": state["most_flow"] or None,
         "least_stiffness": 1e6 * state["least_stiffness"],
+        "least_film": 1e-6 * state["held_film"],
         "load": state["load"],
         "grade": state["worst_grade"],
         "tolerances": kept_tolerances() if within else {},

@@ -146,6 +146,7 @@ def add_improve_options(parser: Parser) -> None:
     for name, text in (
         ("--most-gas-flow", "must hold: normal litres a minute at most"),
         ("--least-stiffness", "must hold: static stiffness of the softest direction, N/µm"),
+        ("--held-film", "must hold: least film, µm, besides the limit of the verdict"),
         ("--load", "must hold: times the rotor mass that the film carries at rest"),
     ):
         parser.add_argument(name, type=options.number, help=text)
@@ -271,6 +272,7 @@ def design_improve(args: Namespace, design: Design) -> Answer:
         args.grade,
         math.inf if args.most_gas_flow is None else args.most_gas_flow,
         1e6 * (args.least_stiffness or 0.0),
+        1e-6 * (args.held_film or 0.0),
     )
     machine, tolerances = machine_of(args, design), tolerances_of(args)
     ranges = ranges_of(args, machine)

@@ -2,7 +2,7 @@
 
 Differential evolution (Storn and Price, J. Global Optim. 11, 341 (1997), by scipy) of the first
 wish, once for each of several bounds of the second: over predictions of linear theory, some
-thousands, then over solved machines, begun with the best of those. Every machine of the front has
+hundreds, then over solved machines, begun with the best of those. Every machine of the front has
 been solved, again on a finer mesh, and, where tolerances are given, with machines drawn within
 them.
 """
@@ -39,6 +39,7 @@ from spab_core.drawings.drivers import wilson
 from spab_core.drawings.look import ROW, Look, Rows, empty_rows, look_at, looker
 from spab_core.drawings.screening import screen
 from spab_core.drawings.tolerance import draw, finite, machines_at, plain, read_json
+from spab_core.linear_theory.assumptions import assumptions
 from spab_core.maps.parallel import cluster_or_processes
 from spab_core.solver.film import AZIMUTHS, Mesh, suitable_mesh
 from spab_core.trajectory.assessment import AVOID, GOOD, GRADE_WORDS, GRADES
@@ -46,7 +47,7 @@ from spab_core.trajectory.settings import Settings
 
 REACH = 3.0  # of the margin's line
 PRECISION = 0.03  # of its end
-SCREENED, SOLVED = 2048, 288  # machines: predicted, solved
+SCREENED, SOLVED = 1024, 192  # machines: predicted, solved
 SCREENED_RANGE, SOLVED_RANGE = (256, 100_000), (96, 20_000)
 FIRST, SURVIVORS = 256, 48  # predicted first, and solved first
 CAPS, POPULATION = 5, 16  # bounds of the second wish, and machines of a generation of each
@@ -224,6 +225,21 @@ def check_improve(
         check_tolerances(machine, tolerances)
 
 
+def outside_words(machine: Machine) -> str:
+    """Return which assumptions of the theory a machine breaks, in a sentence: while it does, it is
+    never good. Empty where it breaks none.
+    """
+    broken = [
+        one.words
+        for one in assumptions(machine.design, machine.bearing_number)
+        if one.watched and not one.holds
+    ]
+    if not broken:
+        return ""
+    told = "; ".join(broken)
+    return f"Outside the theory, as this drawing is, the best grade is to be watched: {told}."
+
+
 @dataclass(frozen=True)
 class Improvement:
     """A front of better drawings, all solved.
@@ -346,10 +362,12 @@ class Improvement:
             + (f" ({self.before['trouble']})." if self.before["trouble"] else ".")
         ]
         if not self.count:
+            outside = outside_words(self.machine) if self.holds.grade == GRADES[GOOD] else ""
             return [
                 *lines,
                 f"No drawing within these ranges was found that is {GRADE_WORDS[self.holds.grade]} "
                 f"and holds what must hold.{self._nearest_words()}",
+                *([outside] if outside else []),
             ]
         sure = int(self.confirmed.sum())
         lines.append(
@@ -362,7 +380,7 @@ class Improvement:
         row = self.rows
         end = f"+{100 * row['margin'][k]:.0f} % in {self.look.axis}"
         if not math.isfinite(row["ends"][k]):
-            end += f", where the line looked at ends (+{100 * (self.look.reach - 1):.0f} %)"
+            end += ", where the line looked at ends"
         told = [
             f"{r.value.lower()} {_digits(r.before)} → {_digits(r.after)} {r.unit}".strip()
             for r in self.bought(k).itertuples()

@@ -82,11 +82,13 @@ def screen(machine: Machine, look: Look) -> dict[str, Any]:
     nothing = dict.fromkeys(("least_film", "eccentricity", "gas_flow", "stiffness"), np.nan)
     mesh, number = suitable_mesh(machine.design, AZIMUTHS), machine.bearing_number
     try:
-        rest = derive(machine.design, machine.rotor_mass, number, mesh)
         z = impedance(machine.design, machine.rotor_mass, number, mesh)
+        if z is None:
+            return nothing | {"grade": AVOID, "margin": 0.0}
+        rest = derive(machine.design, machine.rotor_mass, number, mesh, z)
     except (InputError, np.linalg.LinAlgError):
         return nothing | {"grade": AVOID, "margin": 0.0}
-    if z is None or rest.gas_flow is None or rest.coefficients is None:
+    if rest.gas_flow is None or rest.coefficients is None:
         return nothing | {"grade": AVOID, "margin": 0.0}
     line = np.geomspace(1.0, look.reach, STEPS)
     one = np.ones_like(line)

@@ -342,7 +342,13 @@ def gas_flow(
 
 
 @one_thread
-def derive(design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = AUTO) -> Derived:
+def derive(
+    design: Design,
+    rotor_mass: float,
+    bearing_number: float,
+    mesh: Mesh = AUTO,
+    at: Impedance | None = None,
+) -> Derived:
     """Everything derived at an operating point.
 
     Parameters
@@ -352,6 +358,8 @@ def derive(design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh 
         kg on one bearing.
     bearing_number : float
     mesh : Mesh
+    at : Impedance, optional
+        The bearing linearised there, where it is known.
 
     Raises
     ------
@@ -380,7 +388,7 @@ def derive(design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh 
         ),
         status=NO_EQUILIBRIUM,
     )
-    z = impedance(design, rotor_mass, bearing_number, mesh)
+    z = at or impedance(design, rotor_mass, bearing_number, mesh)
     if z is None:
         try:
             axial_position(design, rotor_mass, bearing_number)

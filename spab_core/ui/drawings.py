@@ -67,6 +67,7 @@ from spab_core.ui.view import (
 
 _USUAL = "± 10 %"  # of a value that just got a tolerance
 _FACTORS = (0.6, 1.6)  # of a value that may just move
+_CELL = 340  # pixels of a range in the form
 _SAME = 1e-5  # relative: speeds are kept to six digits
 
 
@@ -143,20 +144,24 @@ def range_fields(machine: Machine) -> Ranges | None:
     chosen = _several("Values that may move", allowed, kept, "ranges_of")
     found: Ranges = {}
     wrong = False
+    grid = st.container(horizontal=True)
     for name in chosen:
         value = VALUES[name]
         usual = tuple(float(f"{f * values[name]:.3g}") for f in _FACTORS)
         low, high = kept.get(name, usual if values[name] else (0.0, 1.0))
-        row = st.container(horizontal=True, vertical_alignment="bottom")
+        cell = grid.container(width=_CELL, gap="xsmall")
+        cell.caption(f"{_shown(value, machine)}: from, to")
+        row = cell.container(horizontal=True)
         ends = []
-        for key, label, usual_end in (
-            (f"low_{name}", f"{value.label} from, {value.unit}", low),
-            (f"high_{name}", f"to, {value.unit} (drawn {values[name]:.4g})", high),
-        ):
+        for key, which, usual_end in ((f"low_{name}", "from", low), (f"high_{name}", "to", high)):
             if key not in state:
                 state[key] = usual_end
-            label = label.replace(", )", ")").rstrip(", ")
-            ends.append(row.number_input(label, value=None, key=key, format="%g", width=240))
+            label = f"{value.label} {which}, {value.unit}".rstrip(", ")
+            ends.append(
+                row.number_input(
+                    label, value=None, key=key, format="%g", label_visibility="collapsed"
+                )
+            )
         try:
             typed = [end for end in ends if end is not None]
             if len(typed) < 2:
@@ -168,7 +173,7 @@ def range_fields(machine: Machine) -> Ranges | None:
                 raise InputError(f"{value.label}: the second number must be the larger one")
             found[name] = (float(typed[0]), float(typed[1]))
         except InputError as error:
-            st.error(f"{error}.")
+            cell.error(f"{error}.")
             wrong = True
     if wrong:
         return None
@@ -194,6 +199,7 @@ def show_request(kind: str, parameters: dict[str, Any]) -> None:
         state["wish"] = pair if pair in WISH_PAIRS else WISH_PAIRS[0]
         state["most_flow"] = p["most_gas_flow"] or 0.0
         state["least_stiffness"] = 1e-6 * p["least_stiffness"]
+        state["held_film"] = 1e6 * p["least_film"]
         state["worst_grade"] = p["grade"]
         state["load"], state["within"] = p["load"], bool(tolerances)
     for key in list(state):
@@ -381,6 +387,7 @@ def show_front(found: Improvement) -> None:
         st.dataframe(
             bought,
             hide_index=True,
+            height="content",
             column_config={
                 name: st.column_config.NumberColumn(name, format="%.4g")
                 for name in ("before", "after")
@@ -433,9 +440,10 @@ def _improve_command(found: Improvement) -> str:
     holds = found.holds
     flow = f" --most-gas-flow {holds.gas_flow:g}" if math.isfinite(holds.gas_flow) else ""
     stiff = f" --least-stiffness {1e-6 * holds.stiffness:g}" if holds.stiffness else ""
+    film = f" --held-film {1e6 * holds.least_film:g}" if holds.least_film else ""
     wishes = "".join(f" --wish {name}" for name in found.wishes)
     return (
         f"spab design improve {_machine_options(found.machine)}{design_option()}{vary}{wishes}"
-        f" --axis {found.look.axis} --grade {holds.grade}{flow}{stiff} --load {found.look.load:g}"
-        f"{_within_options(found.tolerances)} --seed {found.seed}"
+        f" --axis {found.look.axis} --grade {holds.grade}{flow}{stiff}{film}"
+        f" --load {found.look.load:g}{_within_options(found.tolerances)} --seed {found.seed}"
     )

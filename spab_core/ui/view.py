@@ -225,6 +225,7 @@ VIEW: dict[str, Field] = {
     "worst_grade": Field(GRADES[0], _one_of("worst_grade", GRADES[:2])),
     "most_flow": Field(0.0, _number("most_flow", 0.0, 1e6, "Nl/min"), "{:.6g}".format),
     "least_stiffness": Field(0.0, _number("least_stiffness", 0.0, 1e6, "N/µm"), "{:.6g}".format),
+    "held_film": Field(0.0, _number("held_film", 0.0, 1e3, "µm"), "{:.6g}".format),
     "load": Field(1.0, _number("load", 1.0, 100.0), "{:.6g}".format),
     "within": Field(False, _one_of("within", (True, False))),
     "two_preset": Field(list(PRESETS)[1], _one_of("two_preset", PRESETS)),

@@ -99,21 +99,29 @@ def test_what_must_hold():
     missed = Holds(gas_flow=10.0, stiffness=1e7).violation(rows)
     allowed = Holds("watch").violation(rows)
     assert allowed.tolist() == [0.0] * 5
+    assert Holds("watch", least_film=1e-5).violation(rows).tolist() == pytest.approx([0.2] * 5)
     assert missed.tolist() == pytest.approx([0.0, 0.2, 0.5, 1.3, 3.0])
     with pytest.raises(InputError, match="gas flow"):
         Holds(gas_flow=-1.0)
+
+
+def test_a_fed_wall_without_its_storage_is_never_good():
+    dense = SPINDLE.replace({"bearing__porosity": 0.0})
+    assert "give the porosity" in better.outside_words(dense)
+    assert look_at(dense, Look(""))["grade"] != GOOD
+    assert better.outside_words(SPINDLE) == ""
 
 
 @pytest.fixture
 def small(monkeypatch):
     """A search of some dozen machines."""
     for name, value in (
-        ("FIRST", 16),
-        ("SURVIVORS", 8),
-        ("POPULATION", 6),
+        ("FIRST", 8),
+        ("SURVIVORS", 6),
+        ("POPULATION", 5),
         ("CAPS", 2),
-        ("FRONT", 3),
-        ("DRAWN", 8),
+        ("FRONT", 2),
+        ("DRAWN", 4),
         ("SCREENED_RANGE", (1, 1000)),
         ("SOLVED_RANGE", (1, 1000)),
     ):
@@ -123,12 +131,12 @@ def small(monkeypatch):
 @pytest.mark.slow
 def test_a_search_in_small(small, tmp_path):
     given = parse_tolerances({"bearing.clearance": "± 1 µm"})
-    look, ran = Look("speed", 1.1), []
+    look, ran = Look("speed", 1.05), []
     asked = (SPINDLE, RANGES, ("film", "flow"), look, Holds(), given)
-    kept = {"screened": 28, "solved": 20, "seed": 1, "checkpoint": tmp_path / "parts"}
+    kept = {"screened": 18, "solved": 16, "seed": 1, "checkpoint": tmp_path / "parts"}
     found = improve(*asked, **kept, progress=ran.append)
-    assert found.screened <= 40 and found.solved <= 32 and sum(ran) <= better.steps(28, 20, True)
-    assert 1 <= found.count <= 3 and (found.rows["grade"] == GOOD).all()
+    assert found.screened <= 28 and found.solved <= 26 and sum(ran) <= better.steps(18, 16, True)
+    assert 1 <= found.count <= 2 and (found.rows["grade"] == GOOD).all()
     # the front's machines are what they are said to be, and no worse than the one to begin with
     k = found.best
     again = look_at(found.machine_at(k), look)
@@ -157,7 +165,7 @@ def test_a_search_in_small(small, tmp_path):
 def test_where_nothing_is_good_that_is_said(small):
     hot = SPINDLE._replace(speed_rpm=20000.0)  # on a resonance wherever this may move
     found = improve(
-        hot, {"bearing__clearance": (24.9, 25.1)}, look=Look("speed", 1.05), screened=28, solved=20
+        hot, {"bearing__clearance": (24.9, 25.1)}, look=Look("speed", 1.05), screened=18, solved=16
     )
     assert found.count == 0 and found.best is None
     assert "No drawing" in found.sentences()[-1]
@@ -176,6 +184,7 @@ def test_the_command_refuses_in_a_sentence(capsys):
         ([*clearance, "--wish", "flow", "--wish", "beauty"], "wish"),
         ([*clearance, "--solved", "3"], "solved"),
         ([*clearance, "--most-gas-flow", "-3"], "gas flow"),
+        ([*clearance, "--held-film", "-1"], "least film"),
         ([*clearance, "--load", "0.5"], "load"),
     ):
         assert main(machine + more) == 2
