@@ -91,6 +91,16 @@ def numbers(found: Derived) -> None:
             f"Conical motion: {found.conical.ratio:.3f} of the speed, growth "
             f"{found.conical.growth:+.3g} per revolution."
         )
+    if found.axial and found.axial.ratio:
+        st.caption(
+            f"Along the axis: the least stable vibration at {found.axial.ratio:.3f} of the speed, "
+            f"growth {found.axial.growth:+.3g} per revolution."
+        )
+    elif found.axial:
+        st.caption(
+            f"Along the axis the film does not hold the journal: a drift grows by "
+            f"{found.axial.growth:.3g} per revolution."
+        )
 
 
 def wall_numbers(found: Derived) -> None:

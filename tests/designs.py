@@ -53,7 +53,7 @@ def designs(draw):
     rotor = pick(Rotor)
     if draw(st.booleans()):
         rotor["shaft_stiffness"] = math.inf
-    rotor["axial_motion"] = False
+    rotor["axial_motion"] &= bearing["shape"] == SPHERE
     rotor["axial_load"] *= bearing["shape"] == SPHERE
     rotor["span"] = max(rotor["span"], 1e-3)
     rotor["transverse_inertia"] *= bearing["shape"] == SPHERE

@@ -239,7 +239,7 @@ def _lines(d: Derived) -> list[str]:
     for k, name in enumerate(("Static", "Synchronous")):
         values = ", ".join(f"{n} {d.coefficients.column(n)[k]:.4g}" for n in NAMES)
         lines.append(f"{name} coefficients: {values} (N/m, N s/m)")
-    for name, whirl in (("whirl", d.whirl), ("conical whirl", d.conical)):
+    for name, whirl in d.families:
         if whirl:
             lines.append(
                 f"Least stable {name}: {whirl.speed_rpm:,.0f} rpm, {whirl.ratio:.4f} of the shaft "

@@ -92,9 +92,8 @@ def _simulate(args: Namespace) -> Answer:
         write_atomically(args.orbit, _orbit_csv(point))
     record = point.record(limits)
     if not args.json:
-        pushed = point.push_words()
-        lines = [*assessment_lines(point.assessment(limits)), *([pushed] if pushed else [])]
-        print("\n".join(lines))
+        told = filter(None, [point.axial_words(), point.push_words()])
+        print("\n".join([*assessment_lines(point.assessment(limits)), *told]))
         if point.mle:
             print(
                 f"MLE {point.mle.value:+.4f} ± {point.mle.standard_error:.4f} per revolution at "

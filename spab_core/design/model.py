@@ -347,7 +347,8 @@ class Rotor(_Checked):
     axial_motion: bool = _choice(
         ("Axial motion", "", "", 0),
         (False, True),
-        "whether the journal moves along the axis, or is held at its static axial position",
+        "whether the journal of a sphere moves along the axis, or is held at its static axial "
+        "position",
     )
     span: float = _number(
         ("Span", "2a", "mm", -3),
@@ -361,11 +362,6 @@ class Rotor(_Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.axial_motion:
-            raise DesignError(
-                "rotor.axial_motion = true is not available: the journal is held at its static "
-                "axial position; leave it out or set it to false"
-            )
         if self.transverse_inertia > 0.0 and not self.span > 0.0:
             raise DesignError(
                 f"rotor.span = {self.span:g} m is out of range for rotor.transverse_inertia = "
@@ -457,6 +453,11 @@ class Design:
             raise DesignError(
                 f"rotor.axial_load = {self.rotor.axial_load:g} N is not allowed with a cylinder, "
                 "which carries no load along its axis: set it to 0, or take a sphere"
+            )
+        if self.bearing.cylindrical and self.rotor.axial_motion:
+            raise DesignError(
+                "rotor.axial_motion = true is not allowed with a cylinder, whose film does not "
+                "feel it: set it to false, or take a sphere"
             )
         if self.bearing.cylindrical and self.rotor.conical:
             raise DesignError(

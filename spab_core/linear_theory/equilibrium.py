@@ -14,11 +14,13 @@ from spab_core.common.threads import one_thread
 from spab_core.design.model import Design
 from spab_core.solver.film import (
     AUTO,
+    MOTION_STATES,
     Mesh,
     axial_force,
     film_array,
     film_size,
     gas_size,
+    least_gap,
     suitable_mesh,
     thickness,
     with_wall,
@@ -77,6 +79,8 @@ def dense_system(
     bearing_number: float,
     mesh: Mesh = AUTO,
     axial_offset: float | None = None,
+    *,
+    moving: bool = False,
 ) -> System:
     """Build the system without unbalance, whose Jacobian may be dense.
 
@@ -85,6 +89,8 @@ def dense_system(
     axial_offset : float, optional
         Over C; left out: that of the static equilibrium of a design with an axial load, and half
         the band of one without.
+    moving : bool
+        Whether the journal moves along the axis, about that offset.
 
     Raises
     ------
@@ -95,21 +101,37 @@ def dense_system(
         axial_offset = axial_position(design, rotor_mass, bearing_number)
     if mesh == AUTO:
         mesh = suitable_mesh(design, AZIMUTHS)
-    return build_system(design, rotor_mass, bearing_number, mesh, axial_offset).without_unbalance()
+    if moving:
+        axial_offset = axial_offset or 0.0
+    system = build_system(design, rotor_mass, bearing_number, mesh, axial_offset, moving=moving)
+    return system.without_unbalance()
+
+
+def resting_system(
+    design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = AUTO
+) -> System:
+    """:func:`dense_system` with a journal that moves along the axis where the design lets it: its
+    eigenvalues are those of the whole.
+    """
+    moving = design.rotor.axial_motion
+    return dense_system(design, rotor_mass, bearing_number, mesh, moving=moving)
 
 
 def running_system(
     design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = AUTO
 ) -> System:
-    """Build the system that is integrated in time, the journal held at its static axial position.
+    """Build the system that is integrated in time, the journal held at its static axial position,
+    or moving along the axis where the design lets it.
 
     Raises
     ------
     AxialStopError
-        Where there is none.
+        Where there is no such position.
     """
-    offset = axial_position(design, rotor_mass, bearing_number)
-    return build_system(design, rotor_mass, bearing_number, mesh, offset)
+    offset, moving = axial_position(design, rotor_mass, bearing_number), design.rotor.axial_motion
+    if moving:
+        offset = offset or 0.0
+    return build_system(design, rotor_mass, bearing_number, mesh, offset, moving=moving)
 
 
 @functools.lru_cache(maxsize=4096)
@@ -227,6 +249,8 @@ def concentric_state(system: System) -> np.ndarray:
         return with_wall(system.film, concentric_state(system.without_storage()))
     state = np.zeros(system.size)
     state[: film_size(system.film)] = np.repeat(system.film.base, system.film.columns)
+    if system.film.slide:
+        state[-MOTION_STATES] = system.film.offset
     found = steady_film(system, state)
     if found is None:
         raise InputError("no steady film of the centred journal was found; try a finer mesh")
@@ -312,7 +336,7 @@ def static_equilibrium(
         None where no equilibrium was found.
     """
     try:
-        system = dense_system(design, rotor_mass, bearing_number, mesh)
+        system = resting_system(design, rotor_mass, bearing_number, mesh)
     except AxialStopError:
         return None
     return find_equilibrium(system, guess)
@@ -320,6 +344,12 @@ def static_equilibrium(
 
 def find_equilibrium(system: System, guess: np.ndarray | None = None) -> Equilibrium | None:
     """:func:`static_equilibrium` of a system without unbalance."""
+    if system.film.slide and (guess is None or len(guess) != system.size):
+        held = find_equilibrium(system.held(), guess)
+        if held is None:
+            return None
+        guess = np.concatenate([held.state, np.zeros(MOTION_STATES)])
+        guess[-MOTION_STATES] = system.film.offset
     if system.film.depth:
         if guess is not None and len(guess) == system.size:
             guess = np.delete(guess, np.s_[film_size(system.film) : gas_size(system.film)])
@@ -380,6 +410,15 @@ def contact_load_share(
     return min(force / weight, 1.0)
 
 
+def _is_inside(system: System, state: np.ndarray) -> bool:
+    """Whether the journal is inside the clearance, by a little."""
+    film, n = system.film, gas_size(system.film)
+    eccentricity = math.hypot(state[n], state[n + 1])
+    if film.slide:
+        return least_gap(film.edge, state[-MOTION_STATES], eccentricity) > 5e-4
+    return eccentricity < 0.9995 * film.room
+
+
 def _newton(system: System, state: np.ndarray) -> np.ndarray | None:
     """Damped Newton iteration to f = 0; None where it does not converge."""
     state = state.copy()
@@ -394,8 +433,7 @@ def _newton(system: System, state: np.ndarray) -> np.ndarray | None:
         for _ in range(12):
             trial = state.copy()
             trial[unknowns] -= fraction * step
-            inside = math.hypot(trial[n], trial[n + 1]) < 0.9995 * system.film.room
-            if inside and trial[:n].min() > 0.0:
+            if _is_inside(system, trial) and trial[:n].min() > 0.0:
                 break
             fraction *= 0.5
         else:

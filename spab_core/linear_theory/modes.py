@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from spab_core.linear_theory.spectrum import leading_eigenpairs
+from spab_core.linear_theory.spectrum import eigenvalues, leading_eigenpairs
 from spab_core.solver.film import gas_size
 from spab_core.solver.slope import slope_and_jacobian
 from spab_core.solver.system import System
@@ -19,7 +19,7 @@ from spab_core.solver.system import System
 # API 617, chapter 1: a vibration whose amplification factor is less is critically damped
 LEAST_AMPLIFICATION = 2.5
 SLOWEST_WHIRL = 1e-6  # frequency over the shaft speed; below it nothing oscillates
-FILM_MODE, SHAFT_MODE = "film whirl", "shaft bending"
+FILM_MODE, SHAFT_MODE, AXIAL_MODE = "film whirl", "shaft bending", "axial vibration"
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,9 @@ class Mode:
         Natural logarithm per revolution; negative: it decays.
     forward : bool
         Whether it whirls with the rotation.
-    shape : ndarray of complex, (4,), or None
-        Journal x, y, disc x, y; of length 1. None where it was not kept.
+    shape : ndarray of complex, (4,) or (5,), or None
+        Journal x, y, disc x, y, and z where the journal moves along the axis; of length 1. None
+        where it was not kept.
     """
 
     ratio: float
@@ -50,11 +51,14 @@ class Mode:
 
     @property
     def name(self) -> str:
-        """:data:`SHAFT_MODE` where the shaft is deflected by more than the journal moves in its
-        film, else :data:`FILM_MODE`.
+        """:data:`AXIAL_MODE` where the journal moves along the axis more than across, of the others
+        :data:`SHAFT_MODE` where the shaft is deflected by more than the journal moves in its film,
+        else :data:`FILM_MODE`.
         """
         assert self.shape is not None
-        journal, disc = self.shape[:2], self.shape[2:]
+        journal, disc = self.shape[:2], self.shape[2:4]
+        if len(self.shape) > 4 and abs(self.shape[4]) > np.linalg.norm(self.shape[:4]):
+            return AXIAL_MODE
         bends = np.linalg.norm(disc - journal) > np.linalg.norm(journal)
         return SHAFT_MODE if bends else FILM_MODE
 
@@ -106,6 +110,8 @@ def rotor_modes(system: System, state: np.ndarray) -> list[Mode]:
     journal = vectors[n : n + 2]
     disc = journal if system.rotor.rigid else vectors[n + 2 : n + 4]
     shapes = np.concatenate([journal, disc])
+    if system.film.slide:
+        shapes = np.concatenate([shapes, vectors[-2:-1]])
     swings: np.ndarray = np.any(shapes, axis=0)
     if system.film.depth:
         swings &= values.imag > -values.real
@@ -118,12 +124,12 @@ def modes_of(values: np.ndarray, shapes: np.ndarray, swings: np.ndarray) -> list
     Parameters
     ----------
     values : ndarray of complex, (m,)
-    shapes : ndarray of complex, (4, m)
+    shapes : ndarray of complex, (4, m) or (5, m)
         As :attr:`Mode.shape`, of any length.
     swings : ndarray of bool, (m,)
         Which of them may count; besides, their frequency is at least :data:`SLOWEST_WHIRL`.
     """
-    x, y = shapes[::2], shapes[1::2]
+    x, y = shapes[0:4:2], shapes[1:4:2]
     # with the rotation, from X to Y, the motion along Y follows a quarter of a turn later
     forward = (np.abs(x + 1j * y) ** 2).sum(0) > (np.abs(x - 1j * y) ** 2).sum(0)
     return [
@@ -136,6 +142,20 @@ def modes_of(values: np.ndarray, shapes: np.ndarray, swings: np.ndarray) -> list
         for k in np.argsort(-values.real)
         if swings[k] and values[k].imag > SLOWEST_WHIRL
     ]
+
+
+def axial_drift(system: System, state: np.ndarray) -> float | None:
+    """Return the fastest growth per revolution that does not oscillate, None where nothing grows
+    so: a journal that moves along the axis may drift off where its film does not hold it.
+
+    Parameters
+    ----------
+    system, state
+        Those of :func:`rotor_modes`.
+    """
+    values = eigenvalues(system, state)
+    still = values[(values.real > 0.0) & (np.abs(values.imag) <= SLOWEST_WHIRL)]
+    return 2.0 * math.pi * float(still.real.max()) if len(still) else None
 
 
 def lightly_damped(modes: Iterable[Mode]) -> tuple[Mode, ...]:

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
 from spab_core.common.threads import one_thread
-from spab_core.solver.film import film_array, film_size, gas_array, gas_size, thickness
+from spab_core.solver.film import film_array, film_size, gas_array, gas_size, placed, thickness
 from spab_core.solver.slope import slope_and_jacobian
 from spab_core.solver.system import System
 
@@ -68,7 +68,7 @@ def _weights(system: System, state: np.ndarray) -> np.ndarray:
     """
     film = system.film
     gas = gas_array(film, state)
-    h = thickness(film, *state[gas_size(film) :][:2])
+    h = thickness(placed(film, state), *state[gas_size(film) :][:2])
     shares = [2.0 * film_array(film, state) / h**2]
     shares += [2.0 * c * p for c, p in zip(film.capacity, gas[1:], strict=True)]
     whole = np.concatenate([(film.area[:, None] * share).ravel() for share in shares])
@@ -109,11 +109,12 @@ def coupled_eigenpairs(
     fastest: float = FASTEST,
 ) -> tuple[np.ndarray, np.ndarray]:
     """:func:`leading_eigenpairs` of a system's film and wall with any rotor: ``whole`` is the
-    Jacobian, the gas before the rotor's unknowns, whose first two are the displacement in the film.
+    Jacobian, the gas before the rotor's unknowns.
     """
     n = gas_size(system.film)
     gas = GasSystem(whole[:n, :n], film_size(system.film))
-    drive = whole[:n, n : n + 2]
+    drive = whole[:n, n:]
+    drive = np.ascontiguousarray(drive[:, drive.any(axis=0)])  # by displacements in the film
     # springs over masses bound the frequency of whatever vibrates on them
     fastest = max(fastest, 2.0 * math.sqrt(np.abs(whole[n:, n:]).max()))
     weights = _weights(system, state)

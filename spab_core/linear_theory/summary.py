@@ -29,9 +29,17 @@ from spab_core.linear_theory.equilibrium import (
     AxialStopError,
     axial_position,
     axial_stiffness,
+    find_equilibrium,
+    resting_system,
 )
 from spab_core.linear_theory.impedance import Impedance, impedance
-from spab_core.linear_theory.modes import Mode, lightly_damped, rotor_modes
+from spab_core.linear_theory.modes import (
+    AXIAL_MODE,
+    Mode,
+    axial_drift,
+    lightly_damped,
+    rotor_modes,
+)
 from spab_core.solver.film import (
     AUTO,
     Film,
@@ -105,6 +113,20 @@ class Whirl:
         return self.growth < 0.0
 
 
+def grows_words(name: str, whirl: Whirl) -> str:
+    """Say that one of a family (:attr:`Derived.families`) grows, as a clause."""
+    if not whirl.ratio:
+        return (
+            f"a drift of the journal, not held by its film, grows by {whirl.growth:.3g} per "
+            "revolution"
+        )
+    article = "an" if name[0] in "aeiou" else "a"
+    return (
+        f"{article} {name} at {whirl.speed_rpm:,.0f} cycles/min grows by {whirl.growth:.3g} per "
+        "revolution"
+    )
+
+
 @dataclass(frozen=True)
 class Derived:
     """Everything derived at an operating point.
@@ -145,6 +167,11 @@ class Derived:
     axial_stiffness : float or None
         N/m, static, at that position, the journal held radially; None of a cylinder, which has
         none.
+    axial : Whirl or None
+        Where the journal moves along the axis: its least stable vibration along it, or a drift that
+        does not oscillate, of ratio 0; None where it is held.
+    axial_modes : tuple of Mode
+        Of these vibrations, as ``modes``.
     conical : Whirl or None
         The least stable whirl of the family that tilts
         (:mod:`spab_core.linear_theory.conical`); None for a design without inertias.
@@ -186,6 +213,8 @@ class Derived:
     modes: tuple[Mode, ...] = ()
     axial_offset: float = 0.0
     axial_stiffness: float | None = None
+    axial: Whirl | None = None
+    axial_modes: tuple[Mode, ...] = ()
     conical: Whirl | None = None
     conical_modes: tuple[Mode, ...] = ()
     assumptions: tuple[Assumption, ...] = ()
@@ -196,10 +225,17 @@ class Derived:
 
     @property
     def leading(self) -> tuple[str, Whirl] | None:
-        """The less stable of both families and what to call it: a whirl, or a conical whirl."""
-        families = (("whirl", self.whirl), ("conical whirl", self.conical))
-        found = [(name, whirl) for name, whirl in families if whirl]
+        """The least stable of all families and what to call it: a whirl, a conical whirl, an axial
+        vibration or a drift.
+        """
+        found = [(name, whirl) for name, whirl in self.families if whirl]
         return max(found, key=lambda item: item[1].growth, default=None)
+
+    @property
+    def families(self) -> tuple[tuple[str, Whirl | None], ...]:
+        """The least stable of each family, by what to call it."""
+        along = AXIAL_MODE if self.axial is None or self.axial.ratio else "drift"
+        return (("whirl", self.whirl), ("conical whirl", self.conical), (along, self.axial))
 
     def record(self) -> dict[str, Any]:
         """The answer as plain values, named with their units; the keys are those of ``spab design
@@ -243,6 +279,7 @@ class Derived:
             "penetration_depth_m": self.penetration_depth,
             "whirl_growth_quasi_steady_per_revolution": self.quiet_growth,
             "assumptions": [one.record() for one in self.assumptions],
+            **self._axial_record(),
         } | (
             {
                 "conical_whirl_ratio": conical.ratio,
@@ -253,6 +290,16 @@ class Derived:
             if conical
             else {}
         )
+
+    def _axial_record(self) -> dict[str, Any]:
+        if self.axial is None:
+            return {}
+        return {
+            "axial_ratio": self.axial.ratio,
+            "axial_rpm": self.axial.speed_rpm,
+            "axial_growth_per_revolution": self.axial.growth,
+            "axial_modes": [mode.record() for mode in self.axial_modes],
+        }
 
     def verdict(self) -> str:
         """Return what the rotor does at rest on its film, without unbalance, and which assumptions
@@ -295,10 +342,7 @@ class Derived:
                 f"Stable at rest: the least stable {name}, at {rpm:,.0f} cycles/min, decays by "
                 f"{growth:.3g} per revolution."
             )
-        return (
-            f"Unstable at rest: a {name} at {rpm:,.0f} cycles/min grows by {growth:.3g} per "
-            "revolution."
-        )
+        return f"Unstable at rest: {grows_words(name, whirl)}."
 
     @property
     def lies_on_wall(self) -> bool:
@@ -396,7 +440,20 @@ def derive(
             return dataclasses.replace(found, status=str(error))
         return found
     film, rest = z.system.film, z.equilibrium
-    modes = rotor_modes(z.system, rest.state)
+    system, free = z.system, rest
+    if rotor.axial_motion:
+        system = resting_system(design, rotor_mass, bearing_number, mesh)
+        loose = find_equilibrium(system)
+        if loose is None:
+            return found
+        free = loose
+    every = rotor_modes(system, free.state)
+    modes = [mode for mode in every if mode.name != AXIAL_MODE]
+    along = [mode for mode in every if mode.name == AXIAL_MODE]
+    axial = _whirl(along, rpm)
+    drift = axial_drift(system, free.state) if rotor.axial_motion else None
+    if drift is not None and (axial is None or drift > axial.growth):
+        axial = Whirl(0.0, 0.0, drift)
     gap = 1.0 - rest.eccentricity
     if film.offset:
         gap = least_gap(b.edge, film.offset, rest.eccentricity)
@@ -418,6 +475,8 @@ def derive(
         axial_stiffness=None
         if b.cylindrical
         else axial_stiffness(design, bearing_number, x, y, film.offset) * design.stiffness_unit,
+        axial=axial,
+        axial_modes=lightly_damped(along),
         conical=_whirl(conical, rpm),
         conical_modes=lightly_damped(conical),
         assumptions=assumptions(design, bearing_number, least_film),

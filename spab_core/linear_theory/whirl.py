@@ -15,8 +15,8 @@ from spab_core.design.model import Design
 from spab_core.linear_theory.equilibrium import (
     AxialStopError,
     Equilibrium,
-    dense_system,
     find_equilibrium,
+    resting_system,
 )
 from spab_core.linear_theory.spectrum import eigenvalues
 from spab_core.solver.film import AUTO, Mesh
@@ -70,7 +70,7 @@ def linear_spectrum(
     equilibrium : Equilibrium
     """
     try:
-        system = dense_system(design, rotor_mass, bearing_number, mesh)
+        system = resting_system(design, rotor_mass, bearing_number, mesh)
     except AxialStopError:
         return None
     return spectrum_of(system, guess)

@@ -33,7 +33,8 @@ PDF_SECONDS = 120
 WIDE, SQUARE = (680, 400), 335  # pixels: figures as wide as a printed page, and as half of it
 ASSUMPTIONS = (
     "Isothermal ideal gas in a thin film (compressible Reynolds equation) over a spherical or "
-    "cylindrical band open at both edges; no slip, no misalignment, no axial motion.",
+    "cylindrical band open at both edges; no slip, no misalignment; the journal is held along the "
+    "axis unless the design lets it move.",
     "Thin porous wall with radial Darcy flow from a chamber at constant supply pressure; its pores "
     "store gas where a porosity is given, else it is taken as quasi-steady.",
     "Rotor of a disc and a journal on an elastic shaft, unbalance in the disc; rotor masses are "

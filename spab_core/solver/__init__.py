@@ -9,6 +9,7 @@ cache                Where compiled kernels are kept, one folder for each state 
 simd                 Numbers in registers, eight by eight: the azimuths of a latitude
 ring                 Matrices over these azimuths: products and inverses
 slope                The right-hand side and its tangent, compiled
+axial                What the kernels do more where the journal moves along the axis
 curvature            The second derivative of the right-hand side along a direction
 linear_solve         The linear system of an implicit step, solved exactly by blocks
 dtm                  The paper's scheme: differential transformation in time

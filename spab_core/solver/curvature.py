@@ -8,9 +8,16 @@ k [6 H dH[v] dH[w] DQ + 3 H² (dH[v] D dQ[w] + dH[w] D dQ[v]) + H³ D d²Q].
 
 from __future__ import annotations
 
+from spab_core.solver.axial import (
+    axial,
+    axial_curvature,
+    base_at,
+    closing_at,
+    direction,
+)
 from spab_core.solver.ring import width
 from spab_core.solver.simd import at, inlined, inner, load, splat, store, total, turn
-from spab_core.solver.slope import across, contact, displace, diverge
+from spab_core.solver.slope import across, displace, diverge, wall_force
 from spab_core.solver.wall import add_flow, gas_entries, wall_change
 
 
@@ -21,13 +28,15 @@ def prepare_curvature(system, u, v, work):
     """
     film, _ = system
     n, m, ring = width(film.ring), film.latitudes, film.ring
-    size, q_v = gas_entries(film), work.dq
+    size, q_v = gas_entries(film.latitudes, film.ring, film.depth), work.dq
     displace(film, v[size], v[size + 1], work.reach_v)
-    reach_v = load(work.reach_v, 0, ring)
+    reach_v, v_z = load(work.reach_v, 0, ring), axial(film.slide, v)
     for row in range(m):
         o = row * n
         p = load(work.pressure, o, ring)
-        p_v = load(v, o, ring) + p * (at(film.node, row) * reach_v)
+        p_v = load(v, o, ring) + p * closing_at(
+            film.slide, 1.0, film.node, film.sine, v_z, row, reach_v
+        )
         p_v = p_v * load(work.inverse_gap, o, ring)
         store(work.pressure_v, o, p_v)
         store(q_v, o, (p + p) * p_v)
@@ -49,8 +58,9 @@ def add_curvature(system, u, v, w, scale, work, out):
     """
     film, rotor = system
     n, m, ring = width(film.ring), film.latitudes, film.ring
-    size = gas_entries(film)
+    size = gas_entries(film.latitudes, film.ring, film.depth)
     wx, wy = w[size], w[size + 1]
+    z, v_z, w_z = axial(film.slide, u), axial(film.slide, v), axial(film.slide, w)
     q_w, q_vw, flux, face = work.q, work.dq, work.flux, work.face
     displace(film, wx, wy, work.reach_w)
     reach, reach_face = load(work.reach_u, 0, ring), load(work.reach_u, n, ring)
@@ -60,7 +70,9 @@ def add_curvature(system, u, v, w, scale, work, out):
     for row in range(m):
         node, o = at(film.node, row), row * n
         inverse, p = load(work.inverse_gap, o, ring), load(work.pressure, o, ring)
-        p_v, h_v, h_w = load(work.pressure_v, o, ring), (-node) * reach_v, (-node) * reach_w
+        p_v = load(work.pressure_v, o, ring)
+        h_v = closing_at(film.slide, -1.0, film.node, film.sine, v_z, row, reach_v)
+        h_w = closing_at(film.slide, -1.0, film.node, film.sine, w_z, row, reach_w)
         p_w = (load(w, o, ring) - p * h_w) * inverse
         p_vw = (h_v * p_w + h_w * p_v) * (-1.0 * inverse)
         one, two = (p + p) * p_w, 2.0 * (p_v * p_w + p * p_vw)
@@ -68,9 +80,9 @@ def add_curvature(system, u, v, w, scale, work, out):
         store(q_vw, o, two)
         push = push + at(film.weight, row) * p_vw
         bent = _bent(
-            at(film.base, row) - node * reach_face,
-            (-node) * face_v,
-            (-node) * face_w,
+            base_at(film.slide, film.base, film.sine, z, row) - node * reach_face,
+            closing_at(film.slide, -1.0, film.node, film.sine, v_z, row, face_v),
+            closing_at(film.slide, -1.0, film.node, film.sine, w_z, row, face_w),
             load(work.gradient_face, o, ring),
             load(work.gradient_face_v, o, ring),
             turn(film.to_face, one),
@@ -80,9 +92,9 @@ def add_curvature(system, u, v, w, scale, work, out):
     for row in range(film.fluxes):
         node, o = at(film.flux_node, row), row * n
         bent = _bent(
-            at(film.flux_base, row) - node * reach,
-            (-node) * reach_v,
-            (-node) * reach_w,
+            base_at(film.slide, film.flux_base, film.flux_sine, z, row) - node * reach,
+            closing_at(film.slide, -1.0, film.flux_node, film.flux_sine, v_z, row, reach_v),
+            closing_at(film.slide, -1.0, film.flux_node, film.flux_sine, w_z, row, reach_w),
             load(work.gradient, o, ring),
             load(work.gradient_v, o, ring),
             across(film, film.gradient, row, q_w),
@@ -96,7 +108,16 @@ def add_curvature(system, u, v, w, scale, work, out):
         store(out, o, load(out, o, ring) + scale * gain)
         wall_change(film, v, w, 2.0, q_vw, row, True, scale, out)
     fx, fy = -total(push * load(film.cos, 0, ring)), -total(push * load(film.sin, 0, ring))
-    a, b = (v[size], v[size + 1], v[size + 4], v[size + 5]), (wx, wy, w[size + 4], w[size + 5])
-    c = contact(rotor, u[size], u[size + 1], u[size + 4], u[size + 5], a, b)
+    c = wall_force(
+        film.slide,
+        film.edge_cosine,
+        film.edge_sine,
+        rotor,
+        u,
+        size,
+        direction(film.slide, v, size),
+        direction(film.slide, w, size),
+    )
     out[size + 4] += scale * rotor.inverse_mass * (fx + c[6])
     out[size + 5] += scale * rotor.inverse_mass * (fy + c[7])
+    axial_curvature(film, rotor, v, w, reach_v, reach_w, scale, c, work, out)

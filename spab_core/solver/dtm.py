@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from numba.extending import overload
 
-from spab_core.solver.film import Film, film_size
+from spab_core.solver.film import Film
 from spab_core.solver.ring import width
 from spab_core.solver.rotor import CENTRE
 from spab_core.solver.simd import (
@@ -54,8 +54,8 @@ _E2, _E, _NORMAL, _SPRING, _RADIAL, _DAMPING, _FX, _FY, _INVERSE, _PER_E2 = rang
 
 
 def build_series(film: Film) -> np.ndarray:
-    """Memory for the transforms, shape (2 * (14 + 2 K) * (order + 1), size of the film)."""
-    size, rows = film_size(film), _WALL + 4 * _K * len(film.depth)
+    """Memory for the transforms, shape (2 * (14 + 2 K) * (order + 1), size of the film's fluxes)."""
+    size, rows = film.fluxes * film.columns, _WALL + 4 * _K * len(film.depth)
     return aligned_zeros(rows * size).reshape(rows, size)
 
 
@@ -197,7 +197,7 @@ def _pressure_order(film, z, k, dual):
     unit = 1.0 if k == 0 else 0.0
     for row in range(m):
         o, node, weight = row * n, at(film.node, row), at(film.weight, row)
-        inverse = 1.0 / (1.0 - node * load(z[_REACH], 0, ring))
+        inverse = 1.0 / (at(film.base, row) - node * load(z[_REACH], 0, ring))
         p = load(z[_S + k], o, ring) + node * _carried(z, _REACH, _P, 1, k, o, ring)
         store(z[_P + k], o, p * inverse)
         store(z[_Q + k], o, _cauchy(z, _P, _P, k, o, ring) - unit)
@@ -211,23 +211,26 @@ def _pressure_order(film, z, k, dual):
             dpush = dpush + weight * (dp * inverse)
     for part in range(2 if dual else 1):
         t = part * _TANGENT
-        for row in range(m):
-            q = z[t + _Q + k]
+        q = z[t + _Q + k]
+        for row in range(film.fluxes):
             store(z[t + _ACROSS + k], row * n, across(film, film.gradient, row, q))
+        for row in range(m):
             store(z[t + _AROUND + k], row * n, turn(film.to_face, load(q, row * n, ring)))
     c, s = load(film.cos, 0, ring), load(film.sin, 0, ring)
     return -total(push * c), -total(push * s), -total(dpush * c), -total(dpush * s)
 
 
 @kernel
-def _cube_order(film, z, cosine, place, gap, k, dual):
-    """Order k of H, H² and H³ at the flux nodes or at the faces, whose reach is at ``place``."""
+def _cube_order(film, z, rows, base, cosine, place, gap, k, dual):
+    """Order k of H, H² and H³ at the flux nodes or at the faces, whose reach is at ``place``, of so
+    many rows.
+    """
     n, ring = width(film.ring), film.ring
     square, cube = gap + _SQUARE, gap + _CUBE
-    unit = 1.0 if k == 0 else 0.0
-    for row in range(film.latitudes):
+    still = 1.0 if k == 0 else 0.0
+    for row in range(rows):
         o, c = row * n, at(cosine, row)
-        store(z[gap + k], o, unit - c * load(z[_REACH + k], place, ring))
+        store(z[gap + k], o, still * at(base, row) - c * load(z[_REACH + k], place, ring))
         store(z[square + k], o, _cauchy(z, gap, gap, k, o, ring))
         store(z[cube + k], o, _cauchy(z, gap, square, k, o, ring))
         if dual:
@@ -297,13 +300,17 @@ def _gas_order(film, z, k, part):
     n, m, ring = width(film.ring), film.latitudes, film.ring
     t, cube, cube_face = part * _TANGENT, _GAP + _CUBE, _GAP_FACE + _CUBE
     flux, face, q, s = z[t + _FLUX + k], z[t + _FACE + k], z[t + _Q + k], z[t + _S + k]
+    for row in range(film.fluxes):
+        o = row * n
+        if part == 0:
+            store(flux, o, _cauchy(z, cube, _ACROSS, k, o, ring))
+        else:
+            store(flux, o, _cauchy_tangent(z, cube, _ACROSS, k, o, ring))
     for row in range(m):
         o, scale = row * n, at(film.around, row)
         if part == 0:
-            store(flux, o, _cauchy(z, cube, _ACROSS, k, o, ring))
             store(face, o, scale * _cauchy(z, cube_face, _AROUND, k, o, ring))
         else:
-            store(flux, o, _cauchy_tangent(z, cube, _ACROSS, k, o, ring))
             store(face, o, scale * _cauchy_tangent(z, cube_face, _AROUND, k, o, ring))
     _wall_order(film, z, k, part)
     for row in range(m):
@@ -353,7 +360,7 @@ def _first_row(film, part, plane):
 @inner
 def _sum_series(film, z, part, rotor, h, out):
     """Sum the series of gas and rotor a step ``h`` later into the state ``out``."""
-    n, size = gas_entries(film), film.latitudes * width(film.ring)
+    n, size = gas_entries(film.latitudes, film.ring, film.depth), film.latitudes * width(film.ring)
     for plane in range(1 + cells(film.depth)):
         first = _first_row(film, part, plane)
         for i in range(0, size, WIDTH):
@@ -374,16 +381,16 @@ def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
     ``rodas_step``.
     """
     film, rotor = system
-    n, size = gas_entries(film), film.latitudes * width(film.ring)
-    if not u[n] * u[n] + u[n + 1] * u[n + 1] < 1.0:
+    n, size = gas_entries(film.latitudes, film.ring, film.depth), film.latitudes * width(film.ring)
+    if not u[n] * u[n] + u[n + 1] * u[n + 1] < film.room * film.room:
         return math.inf
     new, new_v, last_term = stages.new, stages.new_tangent, stages.state[5]
     rotor_u, rotor_v = np.zeros((_K + 1, 8)), np.zeros((_K + 1, 8))
     contact = np.zeros((2 * _K, 10))
     for plane in range(1 + cells(film.depth)):
         here = plane * size
-        series[_first_row(film, 0, plane)] = u[here : here + size]
-        series[_first_row(film, 1, plane)] = v[here : here + size]
+        series[_first_row(film, 0, plane), :size] = u[here : here + size]
+        series[_first_row(film, 1, plane), :size] = v[here : here + size]
     rotor_u[0], rotor_v[0] = u[n:], v[n:]
     ramp = min(t / rotor.ramp, 1.0) if rotor.ramp > 0.0 else 1.0
     ramp_rate = 1.0 / rotor.ramp if rotor.ramp > 0.0 and t < rotor.ramp else 0.0
@@ -392,8 +399,9 @@ def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
         displace(film, rotor_u[k, 0], rotor_u[k, 1], series[_REACH + k])
         displace(film, rotor_v[k, 0], rotor_v[k, 1], series[_TANGENT + _REACH + k])
         fx, fy, dfx, dfy = _pressure_order(film, series, k, with_tangent)
-        _cube_order(film, series, film.flux_node, 0, _GAP, k, with_tangent)
-        _cube_order(film, series, film.node, film.columns, _GAP_FACE, k, with_tangent)
+        edges, faces = (film.fluxes, film.flux_base), (film.latitudes, film.base)
+        _cube_order(film, series, *edges, film.flux_node, 0, _GAP, k, with_tangent)
+        _cube_order(film, series, *faces, film.node, film.columns, _GAP_FACE, k, with_tangent)
         _gas_order(film, series, k, 0)
         _contact_series(rotor, rotor_u, rotor_v, k, contact, with_tangent)
         fx, fy = fx + contact[k, _FX], fy + contact[k, _FY]
@@ -407,7 +415,7 @@ def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
     power = h**DTM_ORDER
     last_term[n:] = rotor_u[DTM_ORDER] * power
     for plane in range(1 + cells(film.depth)):
-        term = series[_first_row(film, 0, plane) + DTM_ORDER]
+        term = series[_first_row(film, 0, plane) + DTM_ORDER, :size]
         last_term[plane * size : (plane + 1) * size] = term * power
     error = error_norm(system, work, new, last_term)
     # an explicit step too long for stiffness shows in the tangent long before it shows in the state
@@ -416,7 +424,7 @@ def dtm_step(system, work, stages, series, t, h, u, v, with_tangent):
         rest = rotor_v[DTM_ORDER]
         squares = (rest * rest).sum()
         for plane in range(1 + cells(film.depth)):
-            gas = series[_first_row(film, 1, plane) + DTM_ORDER]
+            gas = series[_first_row(film, 1, plane) + DTM_ORDER, :size]
             squares += (gas * gas).sum()
         last = power * math.sqrt(squares)
         error = max(error, last / math.sqrt((new_v * new_v).sum()))

@@ -29,6 +29,7 @@ from numpy.polynomial import legendre
 
 from spab_core.common.errors import DesignError
 from spab_core.design.model import Bearing, Design
+from spab_core.solver.rotor import ROTOR_STATES
 from spab_core.solver.simd import WIDTH, aligned_zeros, circulant
 from spab_core.solver.wall import SHARE, SPACING, steady_wall
 
@@ -48,6 +49,8 @@ class Mesh(NamedTuple):
 AUTO = Mesh(0, 0)
 # azimuths, usually and at eccentricities that ask for more
 AZIMUTHS, MORE_AZIMUTHS = 16, 24
+# of a state, where the journal moves along the axis: Z, Z' and what fills a register
+MOTION_STATES = 8
 THIN_FILM = 0.9  # eccentricity of a film that is called thin
 MESH_LIMITS = ((2, 16), (8, 64))
 _LONG_CYLINDERS = (0.7, 1.5, 2.5)  # length over diameter beyond which a latitude more is needed
@@ -154,10 +157,18 @@ class Film(NamedTuple):
         dtheta times the weight of the integral of sin cos: the node's share of the axial force; 0
         on the half band, whose force is none.
     offset : float
-        Z, axial displacement of the journal over C.
+        Z, axial displacement of the journal over C, at which ``base``, ``flux_base`` and ``across``
+        are; where the journal moves along the axis (:func:`placed`) that of its rest.
     room, thin : float
         Radial eccentricity at which the journal would touch, and at which the least gap is a tenth
-        of the clearance (:func:`radial_room`); 1 and 0.9 where Z = 0.
+        of the clearance (:func:`radial_room`); 1 and 0.9 where Z = 0, or moves.
+    slide : tuple
+        One zero where the journal moves along the axis (:mod:`spab_core.solver.axial`), () where it
+        is held.
+    sine, flux_sine : ndarray, (M,), (F,)
+        sin(latitude) at the Gauss points and at the flux points.
+    edge_cosine, edge_sine : float
+        Of the edge's latitude.
     """
 
     latitudes: int
@@ -192,6 +203,16 @@ class Film(NamedTuple):
     offset: float
     room: float
     thin: float
+    slide: tuple[int, ...]
+    sine: np.ndarray
+    flux_sine: np.ndarray
+    edge_cosine: float
+    edge_sine: float
+
+    @property
+    def edge(self) -> float:
+        """Latitude of the edge of a sphere, rad."""
+        return math.atan2(self.edge_sine, self.edge_cosine)
 
     @property
     def whole(self) -> bool:
@@ -329,7 +350,12 @@ def azimuth_derivative(count: int, shift: float) -> np.ndarray:
 
 
 def build_film(
-    design: Design, bearing_number: float, mesh: Mesh = AUTO, axial_offset: float | None = None
+    design: Design,
+    bearing_number: float,
+    mesh: Mesh = AUTO,
+    axial_offset: float | None = None,
+    *,
+    moving: bool = False,
 ) -> Film:
     """Nodes and coefficients of the film at one bearing number.
 
@@ -339,6 +365,10 @@ def build_film(
     bearing_number : float
         Lambda > 0.
     mesh : Mesh
+    axial_offset : float, optional
+        Z over C, of the whole band; left out: the half band, symmetric about the equator.
+    moving : bool
+        Whether the journal moves along the axis, about that offset.
 
     Returns
     -------
@@ -395,9 +425,24 @@ def build_film(
         flux_base=flux_base,
         axial=(dt if whole else 0.0) * edge * weight * sine * cosine,
         offset=offset,
-        room=radial_room(edge, offset) if offset else 1.0,
-        thin=radial_room(edge, offset, 1.0 - THIN_FILM) if offset else THIN_FILM,
+        room=radial_room(edge, offset) if offset and not moving else 1.0,
+        thin=radial_room(edge, offset, 1.0 - THIN_FILM) if offset and not moving else THIN_FILM,
+        slide=(0,) * moving,
+        sine=sine,
+        flux_sine=flux_sine,
+        edge_cosine=math.cos(edge),
+        edge_sine=math.sin(edge),
     )
+
+
+def placed(film: Film, state: np.ndarray) -> Film:
+    """Return the film with ``base`` at the state's Z, where the journal moves along the axis: what
+    the readable formulas here take.
+    """
+    if not film.slide:
+        return film
+    z = float(state[-MOTION_STATES])
+    return film._replace(base=1.0 - z * film.sine, flux_base=1.0 - z * film.flux_sine, offset=z)
 
 
 def _wall(design: Design, bearing_number: float) -> tuple[np.ndarray, np.ndarray]:
@@ -445,6 +490,13 @@ def film_size(film: Film) -> int:
 def gas_size(film: Film) -> int:
     """Number of entries of film and wall in the state vector: where the rotor's begin."""
     return film_size(film) * (1 + len(film.depth))
+
+
+def rotor_size(film: Film) -> int:
+    """Number of entries behind the gas in the state vector: the rotor's, then those of axial
+    motion.
+    """
+    return ROTOR_STATES + MOTION_STATES * len(film.slide)
 
 
 def gas_array(film: Film, state: np.ndarray) -> np.ndarray:
@@ -599,5 +651,6 @@ def with_wall(film: Film, state: np.ndarray) -> np.ndarray:
         return state
     n = film_size(film)
     s = film_array(film, state)
-    wall = steady_wall(film.conductance, (s / thickness(film, *state[n : n + 2])) ** 2, film.supply)
+    gap = thickness(placed(film, state), *state[n : n + 2])
+    wall = steady_wall(film.conductance, (s / gap) ** 2, film.supply)
     return np.concatenate([state[:n], wall.ravel(), state[n:]])

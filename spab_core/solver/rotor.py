@@ -41,6 +41,10 @@ class RotorCoefficients(NamedTuple):
     contact_eccentricity : float
         From where on the asperities carry more than a tenth of the load
         (:func:`contact_eccentricity`).
+    axial_inverse_mass : float
+        1/M of the whole rotor: disc and journal move as one along the axis.
+    axial_gravity : float
+        W_z/M, the axial load's acceleration, along +Z.
     """
 
     coupling_disc: float
@@ -56,6 +60,8 @@ class RotorCoefficients(NamedTuple):
     damping: float
     ramp: float
     contact_eccentricity: float
+    axial_inverse_mass: float
+    axial_gravity: float
 
     @property
     def rigid(self) -> bool:
@@ -119,6 +125,8 @@ def build_rotor(
         contact.damping,
         2.0 * math.pi * ramp_revolutions,
         max(contact_eccentricity(design, rotor_mass, bearing_number) - (1.0 - room), CENTRE),
+        1.0 / mass,
+        design.axial_load_number / mass,
     )
 
 
@@ -168,6 +176,35 @@ def contact_force(
     f = rotor.contact_force * math.exp(-(1.0 - e) / rotor.roughness)
     normal = f * (1.0 + rotor.damping * (vx * nx + vy * ny))
     return -normal * nx + rotor.friction * f * ny, -normal * ny - rotor.friction * f * nx
+
+
+def wall_force(
+    rotor: RotorCoefficients, edge: float, place: Sequence[float], speed: Sequence[float]
+) -> tuple[float, float, float]:
+    """Force of the wall on a journal that moves along the axis, over p_a R².
+
+    The law of :func:`contact_force` for the least gap g of the band, met at the latitude l: f = f0
+    exp(-g/s) along the normal n there, -f (1 + d v.n) n - mu_f f t, with t around the axis. With
+    e = sqrt(X² + Y² + s²) in place of the eccentricity: a journal in the middle is met all around
+    the edge, by no force across.
+
+    Parameters
+    ----------
+    rotor : RotorCoefficients
+    edge : float
+        Latitude of the edge, rad.
+    place, speed : sequence of 3 floats
+        X, Y, Z over C, and their derivatives.
+    """
+    x, y, z = place
+    e = math.sqrt(x * x + y * y + rotor.roughness**2)
+    latitude = max(min(math.atan2(z, e), edge), -edge)
+    c, s = math.cos(latitude), math.sin(latitude)
+    f = rotor.contact_force * math.exp((e * c + z * s - 1.0) / rotor.roughness)
+    n = (c * x / e, c * y / e, s)
+    normal = f * (1.0 + rotor.damping * sum(a * b for a, b in zip(n, speed, strict=True)))
+    rub = rotor.friction * f / e
+    return -normal * n[0] + rub * y, -normal * n[1] - rub * x, -normal * n[2]
 
 
 def rotor_slope(

@@ -27,6 +27,17 @@ inlined = functools.partial(kernel, forceinline=True)
 # unpacking those tuples for a call from Python takes the compiler longer than the kernel: for what
 # only kernels call, left out
 inner = functools.partial(inlined, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+# of a function whose body depends on types
+chosen = functools.partial(
+    overload,
+    jit_options={
+        "error_model": "numpy",
+        "nogil": True,
+        "forceinline": True,
+        "no_cpython_wrapper": True,
+        "no_cfunc_wrapper": True,
+    },
+)
 _VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
 # allows fused multiply-add; nothing that changes results between runs
 _CONTRACT = ("contract",)
@@ -411,6 +422,7 @@ __all__ = [
     "aligned_zeros",
     "at",
     "block_product",
+    "chosen",
     "circulant",
     "inlined",
     "inner",

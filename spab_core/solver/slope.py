@@ -2,7 +2,8 @@
 
 Each computes a readable formula named in its docstring. ``system`` is a
 :class:`~spab_core.solver.system.System`; a state is the flat vector [S by latitudes
-(:class:`spab_core.solver.film.Film`); 8 rotor states]. The integrator
+(:class:`spab_core.solver.film.Film`); 8 rotor states; those of axial motion
+(:mod:`spab_core.solver.axial`), if any]. The integrator
 (:mod:`spab_core.solver.stepping`) knows a system only through ``slope``, ``slope_tangent``,
 ``time_slope``, ``linearise``, ``solve``, ``prepare_curvature``, ``add_curvature`` and
 ``error_norm``."""
@@ -15,12 +16,26 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from spab_core.solver.axial import (
+    axial,
+    axial_error,
+    axial_slope,
+    axial_tangent,
+    axial_time_slope,
+    base_at,
+    closing_at,
+    direction,
+    inside,
+    nowhere,
+    wall_contact,
+)
 from spab_core.solver.film import Film, film_size, gas_size
 from spab_core.solver.ring import width
 from spab_core.solver.rotor import CENTRE, ROTOR_STATES
 from spab_core.solver.simd import (
     aligned_zeros,
     at,
+    chosen,
     inlined,
     inner,
     kernel,
@@ -60,9 +75,9 @@ class Work(NamedTuple):
         I - step J between the azimuths of two latitudes, eliminated
         (:mod:`spab_core.solver.linear_solve`).
     border : ndarray
-        Two columns for the journal's position.
+        Columns for the journal's position: two, or three where it moves along the axis.
     small : ndarray
-        The 2 x 2 remainder for the journal's velocity and other single numbers.
+        The remainder for the journal's velocity and other single numbers.
     spare : ndarray
         Room for whoever needs it.
     feed, wall_feed : ndarray
@@ -70,6 +85,8 @@ class Work(NamedTuple):
         the column's right-hand side (:func:`~spab_core.solver.wall.factorise_wall`).
     wall_inverse, wall_outward, wall_inward : ndarray
         The columns' cells, eliminated: inverse pivots, and what a cell takes of its neighbours.
+    across : ndarray
+        ``Film.across`` where the journal is; empty where it is held along the axis.
     """
 
     reach: np.ndarray
@@ -102,6 +119,7 @@ class Work(NamedTuple):
     wall_inverse: np.ndarray
     wall_outward: np.ndarray
     wall_inward: np.ndarray
+    across: np.ndarray
 
 
 def build_work(film: Film) -> Work:
@@ -113,7 +131,8 @@ def build_work(film: Film) -> Work:
         "answer": n * n,
         "coupling": n * film.latitudes,
         **dict.fromkeys(("gradient", "gradient_v", "flux", "dflux"), film.fluxes * film.columns),
-        "border": 2 * (n + ROTOR_STATES),
+        "border": (2 + len(film.slide)) * (n + ROTOR_STATES),
+        "across": 4 * film.latitudes**2 * len(film.slide),
         "small": 32,
         "spare": film.columns,
         **dict.fromkeys(("wall_inverse", "wall_outward", "wall_inward"), gas_size(film) - n),
@@ -166,6 +185,24 @@ def contact(rotor, x, y, vx, vy, a, b):
     )
 
 
+def wall_force(slide, cosine, sine, rotor, u, n, a, b):
+    """Return :func:`contact`, or :func:`~spab_core.solver.axial.wall_contact` where the journal
+    moves along the axis; the rotor's entries are those from ``n`` on.
+    """
+    raise NotImplementedError  # compiled only
+
+
+@chosen(wall_force)
+def _wall_force(slide, cosine, sine, rotor, u, n, a, b):
+    if len(slide):
+        return lambda slide, cosine, sine, rotor, u, n, a, b: wall_contact(
+            cosine, sine, rotor, direction(slide, u, n), a, b
+        )
+    return lambda slide, cosine, sine, rotor, u, n, a, b: contact(
+        rotor, u[n], u[n + 1], u[n + 4], u[n + 5], a, b
+    )
+
+
 @inner
 def _rotor_linear(rotor, n, u, fx, fy, out):
     """The linear part of rotor.rotor_slope, with (fx, fy) the sum of film and contact forces."""
@@ -192,7 +229,7 @@ def _load(rotor, n, t, out):
 def time_slope(system, t, out):
     """Partial derivative of the slope with respect to tau: unbalance, and the ramp while it lasts."""
     film, rotor = system
-    n = gas_entries(film)
+    n = gas_entries(film.latitudes, film.ring, film.depth)
     ramp = _ramp(rotor, t)
     rate = 1.0 / rotor.ramp if rotor.ramp > 0.0 and t < rotor.ramp else 0.0
     c = rate * math.cos(t) - ramp * math.sin(t)
@@ -202,6 +239,7 @@ def time_slope(system, t, out):
     out[n + 5] = rotor.unbalance_journal * s - rate * rotor.gravity_journal
     out[n + 6] = rotor.unbalance_disc * c
     out[n + 7] = rotor.unbalance_disc * s - rate * rotor.gravity_disc
+    axial_time_slope(film, rate, rotor, out)
 
 
 @inner
@@ -214,9 +252,9 @@ def displace(film, x, y, out):
 
 
 @inner
-def _times(film, matrix, row, field, m):
+def _times(ring, matrix, row, field, m):
     """Return one row of a matrix of ``m`` columns times a field over so many latitudes."""
-    n, ring = width(film.ring), film.ring
+    n = width(ring)
     result = at(matrix, row * m) * load(field, 0, ring)
     for k in range(1, m):
         result = result + at(matrix, row * m + k) * load(field, k * n, ring)
@@ -226,14 +264,14 @@ def _times(film, matrix, row, field, m):
 @inner
 def across(film, matrix, row, field):
     """Return one row of a matrix over latitudes times a field over the film."""
-    return _times(film, matrix, row, field, film.latitudes)
+    return _times(film.ring, matrix, row, field, film.latitudes)
 
 
 @inner
 def diverge(film, flux, face, row):
     """Return what a latitude gains from the fluxes across and around."""
     around = load(face, row * width(film.ring), film.ring)
-    gain = _times(film, film.divergence, row, flux, film.fluxes)
+    gain = _times(film.ring, film.divergence, row, flux, film.fluxes)
     return gain + turn(film.from_face, around)
 
 
@@ -245,34 +283,50 @@ def slope(system, t, u, work, out):
     """
     film, rotor = system
     n, m, ring = width(film.ring), film.latitudes, film.ring
-    size = gas_entries(film)
-    x, y = u[size], u[size + 1]
-    if not x * x + y * y < film.room * film.room:
+    size = gas_entries(film.latitudes, film.ring, film.depth)
+    x, y, z = u[size], u[size + 1], axial(film.slide, u)
+    if not inside(film.slide, film.room, film.edge_cosine, film.edge_sine, x, y, z):
         return False
     q, flux, face = work.q, work.flux, work.face
     displace(film, x, y, work.reach)
     reach, reach_face = load(work.reach, 0, ring), load(work.reach, n, ring)
     push = splat(0.0, ring)
     for row in range(m):
-        p = load(u, row * n, ring) / (at(film.base, row) - at(film.node, row) * reach)
+        p = load(u, row * n, ring) / (
+            base_at(film.slide, film.base, film.sine, z, row) - at(film.node, row) * reach
+        )
         store(q, row * n, p * p - 1.0)
         push = push + at(film.weight, row) * (p - 1.0)
-        h = at(film.base, row) - at(film.node, row) * reach_face
+        h = base_at(film.slide, film.base, film.sine, z, row) - at(film.node, row) * reach_face
         gradient = turn(film.to_face, p * p - 1.0)
         store(face, row * n, at(film.around, row) * (h * h * h) * gradient)
     for row in range(film.fluxes):
-        h = at(film.flux_base, row) - at(film.flux_node, row) * reach
+        h = (
+            base_at(film.slide, film.flux_base, film.flux_sine, z, row)
+            - at(film.flux_node, row) * reach
+        )
         store(flux, row * n, (h * h * h) * across(film, film.gradient, row, q))
     for row in range(m):
         gain = diverge(film, flux, face, row)
-        gain = gain + film.feed * (supplied(film, u, row) - load(q, row * n, ring))
+        gain = gain + film.feed * (
+            supplied(film.depth, film.supply, u, film.latitudes, row, ring) - load(q, row * n, ring)
+        )
         store(out, row * n, gain + turn(film.couette, load(u, row * n, ring)))
         wall_slope(film, u, q, row, out)
     fx, fy = -total(push * load(film.cos, 0, ring)), -total(push * load(film.sin, 0, ring))
-    zero = (0.0, 0.0, 0.0, 0.0)
-    c = contact(rotor, x, y, u[size + 4], u[size + 5], zero, zero)
+    c = wall_force(
+        film.slide,
+        film.edge_cosine,
+        film.edge_sine,
+        rotor,
+        u,
+        size,
+        nowhere(film.slide),
+        nowhere(film.slide),
+    )
     _rotor_linear(rotor, size, u, fx + c[0], fy + c[1], out)
     _load(rotor, size, t, out)
+    axial_slope(film, rotor, u, reach, _ramp(rotor, t), c, out)
     return True
 
 
@@ -281,9 +335,10 @@ def slope_tangent(system, t, u, v, work, out, out_v):
     """:func:`slope` at ``u`` and its derivative along ``v``, in one pass over memory."""
     film, rotor = system
     n, m, ring = width(film.ring), film.latitudes, film.ring
-    size = gas_entries(film)
+    size = gas_entries(film.latitudes, film.ring, film.depth)
     x, y, dx, dy = u[size], u[size + 1], v[size], v[size + 1]
-    if not x * x + y * y < film.room * film.room:
+    z, dz = axial(film.slide, u), axial(film.slide, v)
+    if not inside(film.slide, film.room, film.edge_cosine, film.edge_sine, x, y, z):
         return False
     q, dq, flux, dflux, face, dface = (
         work.q,
@@ -300,28 +355,37 @@ def slope_tangent(system, t, u, v, work, out, out_v):
     push, dpush = splat(0.0, ring), splat(0.0, ring)
     for row in range(m):
         node, weight = at(film.node, row), at(film.weight, row)
-        inverse = 1.0 / (at(film.base, row) - node * reach)
+        inverse = 1.0 / (base_at(film.slide, film.base, film.sine, z, row) - node * reach)
         p = load(u, row * n, ring) * inverse
-        dp = (load(v, row * n, ring) + p * (node * along)) * inverse
+        dp = (
+            load(v, row * n, ring)
+            + p * closing_at(film.slide, 1.0, film.node, film.sine, dz, row, along)
+        ) * inverse
         store(q, row * n, p * p - 1.0)
         store(dq, row * n, (p + p) * dp)
         push, dpush = push + weight * (p - 1.0), dpush + weight * dp
-        h, dh = at(film.base, row) - node * reach_face, (-3.0 * node) * along_face
+        h = base_at(film.slide, film.base, film.sine, z, row) - node * reach_face
+        dh = closing_at(film.slide, -3.0, film.node, film.sine, dz, row, along_face)
         gradient = turn(film.to_face, p * p - 1.0)
         dgradient = turn(film.to_face, (p + p) * dp)
         scale = at(film.around, row) * (h * h)
         store(face, row * n, scale * h * gradient)
         store(dface, row * n, scale * (h * dgradient + dh * gradient))
     for row in range(film.fluxes):
-        node = at(film.flux_node, row)
-        h, dh = at(film.flux_base, row) - node * reach, (-3.0 * node) * along
+        h = (
+            base_at(film.slide, film.flux_base, film.flux_sine, z, row)
+            - at(film.flux_node, row) * reach
+        )
+        dh = closing_at(film.slide, -3.0, film.flux_node, film.flux_sine, dz, row, along)
         gradient = across(film, film.gradient, row, q)
         dgradient = across(film, film.gradient, row, dq)
         store(flux, row * n, (h * h * h) * gradient)
         store(dflux, row * n, (h * h) * (h * dgradient + dh * gradient))
     for row in range(m):
         gain = diverge(film, flux, face, row)
-        gain = gain + film.feed * (supplied(film, u, row) - load(q, row * n, ring))
+        gain = gain + film.feed * (
+            supplied(film.depth, film.supply, u, film.latitudes, row, ring) - load(q, row * n, ring)
+        )
         store(out, row * n, gain + turn(film.couette, load(u, row * n, ring)))
         gain = diverge(film, dflux, dface, row) - film.feed * load(dq, row * n, ring)
         gain = add_flow(film, gain, u, v, 2.0, row)
@@ -329,11 +393,20 @@ def slope_tangent(system, t, u, v, work, out, out_v):
         wall_slope(film, u, q, row, out)
         wall_change(film, u, v, 2.0, dq, row, False, 1.0, out_v)
     cos, sin = load(film.cos, 0, ring), load(film.sin, 0, ring)
-    a = (dx, dy, v[size + 4], v[size + 5])
-    c = contact(rotor, x, y, u[size + 4], u[size + 5], a, (0.0, 0.0, 0.0, 0.0))
+    c = wall_force(
+        film.slide,
+        film.edge_cosine,
+        film.edge_sine,
+        rotor,
+        u,
+        size,
+        direction(film.slide, v, size),
+        nowhere(film.slide),
+    )
     _rotor_linear(rotor, size, u, c[0] - total(push * cos), c[1] - total(push * sin), out)
     _rotor_linear(rotor, size, v, c[2] - total(dpush * cos), c[3] - total(dpush * sin), out_v)
     _load(rotor, size, t, out)
+    axial_tangent(film, rotor, u, v, reach, along, _ramp(rotor, t), c, out, out_v)
     return True
 
 
@@ -344,7 +417,7 @@ def error_norm(system, work, new, error):
     """
     film, _ = system
     n, m, ring = width(film.ring), film.latitudes, film.ring
-    nodes, size = m * n, gas_entries(film)
+    nodes, size = m * n, gas_entries(film.latitudes, film.ring, film.depth)
     least, worst = splat(math.inf, ring), 0.0
     for part in range(1 + cells(film.depth)):
         squares = splat(0.0, ring)
@@ -365,9 +438,17 @@ def error_norm(system, work, new, error):
         speed = max(speed, abs(new[k]))
     for k in range(size, size + 4):
         worst = max(worst, abs(error[k]), abs(error[k + 4]) / speed)
-    if not new[size] * new[size] + new[size + 1] * new[size + 1] < film.room * film.room:
+    if not inside(
+        film.slide,
+        film.room,
+        film.edge_cosine,
+        film.edge_sine,
+        new[size],
+        new[size + 1],
+        axial(film.slide, new),
+    ):
         return math.inf
-    return worst
+    return axial_error(film, worst, speed, new, error)
 
 
 def slope_and_jacobian(

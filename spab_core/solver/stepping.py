@@ -22,14 +22,16 @@ import numpy as np
 from numba import njit
 from numba.extending import overload
 
+from spab_core.solver.axial import PLACE, SPEED, moves, nearness
 from spab_core.solver.dtm import DTM_ORDER, build_series, dtm_step
-from spab_core.solver.film import Film, film_size, gas_size, with_wall
+from spab_core.solver.film import Film, film_size, gas_size, rotor_size, with_wall
 from spab_core.solver.rodas import DEFAULT_TOLERANCE, Stages, build_stages, rodas_step
 from spab_core.solver.rotor import CENTRE, ROTOR_STATES
 from spab_core.solver.simd import (
     EIGHT,
     WIDTH,
     aligned_zeros,
+    chosen,
     inlined,
     kernel,
     load,
@@ -38,6 +40,7 @@ from spab_core.solver.simd import (
     total,
 )
 from spab_core.solver.slope import Work, build_work
+from spab_core.solver.wall import gas_entries
 
 METHODS = ("rodas", "dtm")
 REVOLUTION = 2.0 * math.pi
@@ -94,16 +97,18 @@ class Record(NamedTuple):
     Attributes
     ----------
     section : ndarray, (revolutions, 8)
-        Rotor state at the end of each revolution.
+        Rotor state at the end of each revolution; (revolutions, 10) with Z and Z' where the journal
+        moves along the axis.
     growth : ndarray, (revolutions,)
         Natural log of the tangent's growth in each revolution.
     contact, thin : ndarray, (revolutions,)
         Time in tau in contact (:func:`~spab_core.solver.rotor.contact_eccentricity`), and at an
         eccentricity above :data:`THIN_FILM`.
     peak, force : ndarray, (revolutions,)
-        Largest eccentricity, and largest normal force of the asperities over p_a R².
+        Largest eccentricity (where the journal moves along the axis one less the least gap over C),
+        and largest normal force of the asperities over p_a R².
     box : ndarray, (revolutions, 4)
-        Least and largest X, least and largest Y of the journal.
+        Least and largest X, least and largest Y of the journal; (revolutions, 6) with those of Z.
     path : ndarray, (revolutions, samples, 8)
         Rotor states at equal spacing, the first at the start of the revolution.
     """
@@ -118,11 +123,11 @@ class Record(NamedTuple):
     path: np.ndarray
 
 
-def build_record(revolutions: int, samples: int) -> Record:
-    """Allocate a record."""
+def build_record(revolutions: int, samples: int, *, moving: bool = False) -> Record:
+    """Allocate a record, with what axial motion adds where the journal moves."""
     shapes: dict[str, tuple[int, ...]] = {
-        "section": (ROTOR_STATES,),
-        "box": (4,),
+        "section": (ROTOR_STATES + 2 * moving,),
+        "box": (4 + 2 * moving,),
         "path": (samples, ROTOR_STATES),
     }
     return Record(
@@ -156,13 +161,17 @@ def build_memory(film: Film, method: str = "rodas") -> Memory:
 
     The tangent's entries for the unused disc of a rigid rotor stay zero for all time."""
     n = gas_size(film)
-    size = n + ROTOR_STATES
+    size = n + rotor_size(film)
     state, tangent = aligned_zeros(size), aligned_zeros(size)
-    ambient = np.zeros(film_size(film) + ROTOR_STATES)
-    ambient[: film_size(film)] = np.repeat(film.base, film.columns)  # S = P H
+    ambient = np.zeros(film_size(film) + rotor_size(film))
+    # S = P H; a journal that moves along the axis begins in the middle
+    base = np.ones_like(film.base) if film.slide else film.base
+    ambient[: film_size(film)] = np.repeat(base, film.columns)
     state[:] = with_wall(film, ambient)
     tangent[:n] = np.random.default_rng(0).standard_normal(n) / math.sqrt(n)
     tangent[n], tangent[n + 1], tangent[n + 4], tangent[n + 5] = 0.5, 0.3, 0.4, -0.2
+    if film.slide:
+        tangent[n + PLACE], tangent[n + SPEED] = 0.35, 0.25
     tangent /= np.linalg.norm(tangent)
     return Memory(
         build_work(film),
@@ -221,22 +230,68 @@ def _hermite(a, b, da, db, s, h):
     return a + s * (h * da + s * (c2 + s * c3)), da + s * (2.0 * c2 + 3.0 * s * c3) / h
 
 
+def closeness(film, u, new, n, x, y, vx, vy, s, h):
+    """Return how near to the wall a journal at (x, y) is at the fraction s of a step: its
+    eccentricity, or 1 less the least gap where it moves along the axis; times how fast that grows;
+    and Z.
+    """
+    raise NotImplementedError  # compiled only
+
+
+@chosen(closeness)
+def _closeness(film, u, new, n, x, y, vx, vy, s, h):
+    if not moves(film):
+        return lambda film, u, new, n, x, y, vx, vy, s, h: (
+            math.sqrt(x * x + y * y),
+            x * vx + y * vy,
+            0.0,
+        )
+
+    def moving(film, u, new, n, x, y, vx, vy, s, h):
+        z, vz = _hermite(u[n + 8], new[n + 8], u[n + 9], new[n + 9], s, h)
+        near, e = nearness(film.edge_cosine, film.edge_sine, x, y, z), math.sqrt(x * x + y * y)
+        if abs(z) * film.edge_cosine <= e * film.edge_sine:
+            return near, x * vx + y * vy + z * vz, z
+        across = film.edge_cosine * (x * vx + y * vy) / max(e, 1e-9)
+        return near, near * (across + math.copysign(film.edge_sine, z) * vz), z
+
+    return moving
+
+
+def rotor_entries(system, u):
+    """Return where the rotor's entries begin in a state: its last eight, unless axial motion
+    follows.
+    """
+    raise NotImplementedError  # compiled only
+
+
+@chosen(rotor_entries)
+def _rotor_entries(system, u):
+    if "film" in getattr(system, "fields", ()):
+        return lambda system, u: gas_entries(
+            system.film.latitudes, system.film.ring, system.film.depth
+        )
+    return lambda system, u: u.size - ROTOR_STATES
+
+
 @inlined
 def observe(system, u, new, h, row, record):
     """Contact, thin film, largest eccentricity and force, and touchdown within one step, from its
     cubic interpolant.
     """
     film, rotor = system
-    n = u.size - ROTOR_STATES
+    n = gas_entries(film.latitudes, film.ring, film.depth)
     touchdown = False
     for k in range(1, _SUBSAMPLES + 1):
         s = k / _SUBSAMPLES
         x, vx = _hermite(u[n], new[n], u[n + 4], new[n + 4], s, h)
         y, vy = _hermite(u[n + 1], new[n + 1], u[n + 5], new[n + 5], s, h)
-        e = math.sqrt(x * x + y * y)
+        e, growing, z = closeness(film, u, new, n, x, y, vx, vy, s, h)
         box = record.box[row]
         box[0], box[1] = min(box[0], x), max(box[1], x)
         box[2], box[3] = min(box[2], y), max(box[3], y)
+        if box.size > 4:
+            box[4], box[5] = min(box[4], z), max(box[5], z)
         if e > record.peak[row]:
             record.peak[row] = e
         if e > film.thin:
@@ -246,16 +301,15 @@ def observe(system, u, new, h, row, record):
         # the radial speed moves the largest force by less than one roughness
         if e > CENTRE and e > record.peak[row] - rotor.roughness:
             normal = rotor.contact_force * math.exp((e - 1.0) / rotor.roughness)
-            normal *= 1.0 + rotor.damping * (x * vx + y * vy) / e
+            normal *= 1.0 + rotor.damping * growing / e
             record.force[row] = max(record.force[row], normal)
         touchdown = touchdown or e >= TOUCHDOWN_ECCENTRICITY * film.room
     return touchdown
 
 
 @inlined
-def sample(u, new, t, h, start, spacing, row, record):
-    """Fill the path samples that fall into the step [t, t + h)."""
-    n = u.size - ROTOR_STATES
+def sample(u, new, n, t, h, start, spacing, row, record):
+    """Fill the path samples that fall into the step [t, t + h); the rotor's entries begin at n."""
     samples = record.path.shape[1]
     k = max(0, math.ceil((t - start) / spacing - 1e-9))
     while k < samples and start + k * spacing < t + h * (1.0 - 1e-12):
@@ -314,14 +368,14 @@ def advance(system, memory, options, first, revolutions, record):
     """
     u, v, control = memory.state, memory.tangent, memory.control
     new, new_v = memory.stages.new, memory.stages.new_tangent
-    samples = record.path.shape[1]
+    samples, n = record.path.shape[1], rotor_entries(system, u)
     for row in range(revolutions):
         start = (first + row) * options.period
         end = (first + row + 1) * options.period
         t, growth = start, 0.0
         record.contact[row] = record.thin[row] = record.peak[row] = record.force[row] = 0.0
-        record.box[row, 0] = record.box[row, 2] = math.inf
-        record.box[row, 1] = record.box[row, 3] = -math.inf
+        for c in range(0, record.box.shape[1], 2):
+            record.box[row, c], record.box[row, c + 1] = math.inf, -math.inf
         steps = 0
         while t < end:
             natural = (
@@ -354,7 +408,7 @@ def advance(system, memory, options, first, revolutions, record):
             control[NEXT_STEP] = h * factor if h > 0.7 * natural else max(natural, h * factor)
             touchdown = observe(system, u, new, h, row, record)
             if samples > 0:
-                sample(u, new, t, h, start, options.period / samples, row, record)
+                sample(u, new, n, t, h, start, options.period / samples, row, record)
             for k in range(0, u.size, WIDTH):
                 store(u, k, load(new, k, EIGHT))
             t = end if count == 1 else t + h
@@ -367,8 +421,7 @@ def advance(system, memory, options, first, revolutions, record):
                 growth += math.log(norm)
             if steps > options.max_steps:
                 return TOO_MANY_STEPS, row
-        n = u.size - ROTOR_STATES
-        for c in range(ROTOR_STATES):
+        for c in range(record.section.shape[1]):
             record.section[row, c] = u[n + c]
         record.growth[row] = growth
     return OK, revolutions

@@ -7,7 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from spab_core.design.model import Design
-from spab_core.solver.film import AUTO, Film, Mesh, build_film, gas_size, without_storage
+from spab_core.solver.axial import PLACE, SPEED
+from spab_core.solver.film import (
+    AUTO,
+    Film,
+    Mesh,
+    build_film,
+    gas_size,
+    radial_room,
+    rotor_size,
+    without_storage,
+)
 from spab_core.solver.rotor import ROTOR_STATES, RotorCoefficients, build_rotor
 
 
@@ -32,21 +42,28 @@ class System(NamedTuple):
     @property
     def size(self) -> int:
         """Length of the state vector."""
-        return gas_size(self.film) + ROTOR_STATES
+        return gas_size(self.film) + rotor_size(self.film)
 
     @property
     def unknowns(self) -> np.ndarray:
         """Positions of all unknowns: film and wall, then the rotor, without the disc if it is
-        rigid.
+        rigid, then Z and Z' where the journal moves along the axis.
         """
         n = gas_size(self.film)
-        rotor = [0, 1, 4, 5] if self.rotor.rigid else range(ROTOR_STATES)
+        rotor = [0, 1, 4, 5] if self.rotor.rigid else [*range(ROTOR_STATES)]
+        rotor += [PLACE, SPEED] * len(self.film.slide)
         return np.concatenate([np.arange(n), n + np.array(rotor)])
 
     def without_unbalance(self) -> System:
         """Return the system that may rest: full load from the start, no unbalance."""
         rotor = self.rotor._replace(unbalance_disc=0.0, unbalance_journal=0.0, ramp=0.0)
         return self._replace(rotor=rotor)
+
+    def held(self) -> System:
+        """Return the system whose journal is held along the axis where this one rests."""
+        film = self.film
+        room = radial_room(film.edge, film.offset) if film.offset else 1.0
+        return self._replace(film=film._replace(slide=(), room=room))
 
     def without_storage(self) -> System:
         """Return the system whose wall stores no gas: it rests where this one does."""
@@ -59,10 +76,12 @@ def build_system(
     bearing_number: float,
     mesh: Mesh = AUTO,
     axial_offset: float | None = None,
+    *,
+    moving: bool = False,
 ) -> System:
     """Build film (:func:`~spab_core.solver.film.build_film`) and rotor
     (:func:`~spab_core.solver.rotor.build_rotor`) of an operating point; with an axial offset, over
-    C, of the whole band.
+    C, of the whole band, and of a journal that moves along the axis about it where asked for.
     """
-    film = build_film(design, bearing_number, mesh, axial_offset)
+    film = build_film(design, bearing_number, mesh, axial_offset, moving=moving)
     return System(film, build_rotor(design, rotor_mass, bearing_number, room=film.room))

@@ -23,8 +23,9 @@ from __future__ import annotations
 import numpy as np
 from numba.extending import overload
 
+from spab_core.solver.axial import closing_at
 from spab_core.solver.ring import width
-from spab_core.solver.simd import at, inner, load, splat, store
+from spab_core.solver.simd import at, chosen, inner, load, splat, store
 
 # of the thickness: from the film to the first cell, from cell to cell, to the outer face
 SPACING = (0.001447, 0.006849, 0.013232, 0.025901, 0.053829, 0.113719, 0.239278, 0.453448, 0.092297)
@@ -44,41 +45,41 @@ def _cells(depth):
 
 
 @inner
-def gas_entries(film):
+def gas_entries(latitudes, ring, depth):
     """Entries of film and wall in a state: where the rotor's begin."""
-    return film.latitudes * width(film.ring) * (1 + cells(film.depth))
+    return latitudes * width(ring) * (1 + cells(depth))
 
 
-def supplied(film, u, row):
+def supplied(depth, supply, u, latitudes, row, ring):
     """Return Q - 1 that feeds a latitude of the film: the supply's, or that of the first cell."""
     raise NotImplementedError  # compiled only
 
 
-@overload(supplied, jit_options={"error_model": "numpy", "nogil": True, "forceinline": True})
-def _supplied(film, u, row):
-    if not len(film.types[film.fields.index("depth")]):
-        return lambda film, u, row: film.supply - 1.0
+@chosen(supplied)
+def _supplied(depth, supply, u, latitudes, row, ring):
+    if not len(depth):
+        return lambda depth, supply, u, latitudes, row, ring: supply - 1.0
 
-    def first_cell(film, u, row):
-        n = width(film.ring)
-        p = load(u, film.latitudes * n + row * n, film.ring)
+    def first_cell(depth, supply, u, latitudes, row, ring):
+        n = width(ring)
+        p = load(u, latitudes * n + row * n, ring)
         return p * p - 1.0
 
     return first_cell
 
 
-def feed_of(film, work, row):
+def feed_of(depth, quiet, storing, row, ring):
     """Return what a latitude's gain falls by for each of its Q, the answer of its columns of the
     wall included, after :func:`factorise_wall`.
     """
     raise NotImplementedError  # compiled only
 
 
-@overload(feed_of, jit_options={"error_model": "numpy", "nogil": True, "forceinline": True})
-def _feed_of(film, work, row):
-    if not len(film.types[film.fields.index("depth")]):
-        return lambda film, work, row: film.feed
-    return lambda film, work, row: load(work.feed, row * width(film.ring), film.ring)
+@chosen(feed_of)
+def _feed_of(depth, quiet, storing, row, ring):
+    if not len(depth):
+        return lambda depth, quiet, storing, row, ring: quiet
+    return lambda depth, quiet, storing, row, ring: load(storing, row * width(ring), ring)
 
 
 @inner
@@ -187,8 +188,8 @@ def reduce_wall(film, work, r):
 
 
 @inner
-def restore_wall(film, work, x, y, r):
-    """Find the cells' unknowns from those of the film and the journal's displacement (x, y), in
+def restore_wall(film, work, x, y, z, r):
+    """Find the cells' unknowns from those of the film and the journal's displacement (x, y, z), in
     place, after :func:`reduce_wall`.
     """
     count, n, ring = cells(film.depth), width(film.ring), film.ring
@@ -197,7 +198,8 @@ def restore_wall(film, work, x, y, r):
         reach = load(film.cos, 0, ring) * x + load(film.sin, 0, ring) * y
         for row in range(film.latitudes):
             o = row * n
-            by_journal = load(work.pressure, o, ring) * (at(film.node, row) * reach)
+            closing = closing_at(film.slide, 1.0, film.node, film.sine, z, row, reach)
+            by_journal = load(work.pressure, o, ring) * closing
             change = load(work.by_gas, o, ring) * (load(r, o, ring) + by_journal)
             for i in range(o, o + count * size, size):
                 change = load(r, i + size, ring) + load(work.wall_inward, i, ring) * change

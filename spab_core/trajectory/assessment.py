@@ -18,7 +18,7 @@ from spab_core.common.words import small
 from spab_core.design.model import Design
 from spab_core.linear_theory.assumptions import Assumption
 from spab_core.linear_theory.modes import LEAST_AMPLIFICATION, Mode
-from spab_core.linear_theory.summary import Derived
+from spab_core.linear_theory.summary import Derived, grows_words
 from spab_core.solver.stepping import STATUS_TEXT
 
 GRADES = ("good", "watch", "avoid")  # by rising gravity
@@ -295,20 +295,14 @@ def rest_rules(rest: Derived | None, limits: Limits = DEFAULT_LIMITS) -> Iterato
             partial(_resonance_words, name, mode, margin, rest.speed_rpm),
         )
     if rest.leading and not rest.leading[1].stable:
-        family, whirl = rest.leading
-        yield Rule(
-            UNSTABLE,
-            WATCH,
-            True,
-            lambda: (
-                f"unstable at rest: a {family} at {whirl.speed_rpm:,.0f} cycles/min grows by "
-                f"{whirl.growth:.3g} per revolution"
-            ),
-        )
+        words = f"unstable at rest: {grows_words(*rest.leading)}"
+        yield Rule(UNSTABLE, WATCH, True, lambda: words)
     for one in rest.assumptions:
         yield Rule(OUTSIDE, WATCH, one.watched and not one.holds, partial(_words_of, one))
-    # only what is slower than the shaft can be fed by its rotation
+    # only what is slower than the shaft can be fed by its rotation; the supply may feed what moves
+    # along the axis
     slow = [m.log_decrement for _, m in forward if m.ratio < 1.0]
+    slow += [m.log_decrement for m in rest.axial_modes if m.log_decrement > 0.0]
     if slow and min(slow) < LIGHT:
         yield Rule(
             LIGHTLY_DAMPED,

@@ -23,12 +23,13 @@ import numpy as np
 
 from spab_core.common.processes import end_with_parent, module_command
 from spab_core.design.model import Design, reference_design
+from spab_core.linear_theory.equilibrium import running_system
 from spab_core.linear_theory.summary import derive
 from spab_core.solver.cache import is_kept
 from spab_core.solver.slope import build_work, fill_jacobian
 from spab_core.solver.stepping import Options, advance, build_memory, build_record
-from spab_core.solver.system import build_system
 from spab_core.trajectory.point import solve_point
+from spab_core.trajectory.run import check_method
 from spab_core.trajectory.settings import Settings
 
 USUAL = Settings()
@@ -40,9 +41,14 @@ _PATIENCE = 600.0  # seconds; a process that compiles for longer has hung
 
 
 def _like(design: Design | None) -> Design:
-    """Return a design with the same kernels: they differ where the wall stores gas."""
+    """Return a design with the same kernels: they differ where the wall stores gas and where
+    the journal moves along the axis.
+    """
     storing = design is not None and design.bearing.stores_gas
-    return reference_design().replace(bearing__porosity=0.15 if storing else 0.0)
+    moving = design is not None and design.rotor.axial_motion
+    return reference_design().replace(
+        bearing__porosity=0.15 if storing else 0.0, rotor__axial_motion=moving
+    )
 
 
 def usual_seconds(design: Design | None = None) -> int:
@@ -54,15 +60,19 @@ def is_compiled(settings: Settings = USUAL, design: Design | None = None) -> boo
     """Whether this process can solve operating points so without compiling: kernels of the method
     and of the mesh's width, for a wall as the design's (left out: one that stores no gas), are
     loaded, or kept for this processor.
+
+    Raises :class:`DesignError` for a method that does not solve the design's motion.
     """
-    system = build_system(_like(design), 1.0, 1.0, settings.mesh)
+    if design is not None:
+        check_method(design, settings)
+    system = running_system(_like(design), 1.0, 1.0, settings.mesh)
     memory = build_memory(system.film, settings.method)
     return is_kept(advance, system, memory, Options(), 0, 1, build_record(1, 0))
 
 
 def is_linear_compiled(design: Design | None = None) -> bool:
     """The same for what linear theory needs on the usual mesh, which is compiled first."""
-    system = build_system(_like(design), 1.0, 1.0)
+    system = running_system(_like(design), 1.0, 1.0)
     state, work = np.zeros(system.size), build_work(system.film)
     return is_kept(
         fill_jacobian, system, state, system.unknowns, work, state, np.empty((1, system.size))

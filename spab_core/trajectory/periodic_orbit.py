@@ -20,6 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from spab_core.solver.film import least_gap
+
 MAX_PERIOD = 16
 CHECK_EVERY = 6  # revolutions
 REPEATS = 12  # revolutions, at least, over which an orbit must repeat
@@ -109,13 +111,20 @@ def window(period: int) -> int:
     return period * max(2, -(-REPEATS // period))
 
 
+def positions(section: np.ndarray) -> np.ndarray:
+    """Return the positions in rotor states: the first four columns, journal and disc, and of states
+    with axial motion the ninth, Z.
+    """
+    return section[:, :4] if section.shape[1] < 9 else section[:, [0, 1, 2, 3, 8]]
+
+
 def repeat_distances(section: np.ndarray, period: int) -> np.ndarray:
     """Distance, over C, of each section point from its image ``period`` revolutions later, shape
     (revolutions - period,).
 
-    The largest difference of the first four columns, the positions of journal and disc.
+    The largest difference of the :func:`positions`.
     """
-    points = section[:, :4]
+    points = positions(section)
     farthest: np.ndarray = np.abs(points[period:] - points[:-period]).max(axis=1)
     return farthest
 
@@ -145,8 +154,8 @@ def possible_periods(section: np.ndarray, limit: float) -> list[int]:
     """Periods whose last section point repeats within ``limit``, over C: the only ones whose
     :func:`mismatch` can.
     """
-    before = section[-1 - MAX_PERIOD : -1, :4]
-    distance = np.abs(before - section[-1, :4]).max(axis=1)
+    points = positions(section)
+    distance = np.abs(points[-1 - MAX_PERIOD : -1] - points[-1]).max(axis=1)
     return [int(period) for period in np.flatnonzero(distance[::-1] <= limit) + 1]
 
 
@@ -168,11 +177,11 @@ def shortest_period(section: np.ndarray) -> int:
     """The smallest period of an orbit that repeats after as many revolutions as ``section`` has
     points: one that is approached from alternating sides repeats sooner in the limit.
     """
-    count = len(section)
+    count, points = len(section), positions(section)
     return next(
         d
         for d in range(1, count + 1)
-        if count % d == 0 and np.abs(np.roll(section, d, axis=0) - section)[:, :4].max() <= NEAR
+        if count % d == 0 and np.abs(np.roll(points, d, axis=0) - points).max() <= NEAR
     )
 
 
@@ -260,7 +269,7 @@ def swift_mode(values: np.ndarray) -> complex | None:
     return complex(swift[swift.real.argmax()]) if len(swift) else None
 
 
-def push(state: np.ndarray, tangent: np.ndarray) -> None:
+def push(state: np.ndarray, tangent: np.ndarray, edge: float | None = None) -> None:
     """Displace a state along the direction in which it leaves an unstable orbit, in place.
 
     By :data:`PUSH`, less where the journal is so close to the wall that this would take it more
@@ -270,10 +279,13 @@ def push(state: np.ndarray, tangent: np.ndarray) -> None:
     ----------
     state, tangent : ndarray, (n + 8,)
         Gas content of the film, then the rotor (:mod:`spab_core.solver.slope`).
+    edge : float, optional
+        Latitude of the edge, rad, where states of axial motion follow.
     """
-    gas, journal = state[:-8], tangent[-8:-6]
-    room = 0.5 * (1.0 - np.hypot(*state[-8:-6]))
-    largest = max(
-        np.abs(tangent[:-8][gas > 0.0] / gas[gas > 0.0]).max(), np.abs(tangent[-8:]).max()
-    )
-    state += min(PUSH / largest, room / max(np.hypot(*journal), 1e-300)) * tangent
+    n = len(state) - (8 if edge is None else 16)
+    gas, eccentricity = state[:n], float(np.hypot(*state[n : n + 2]))
+    gap, moves = 1.0 - eccentricity, float(np.hypot(*tangent[n : n + 2]))
+    if edge is not None:
+        gap, moves = least_gap(edge, state[-8], eccentricity), math.hypot(moves, tangent[-8])
+    largest = max(np.abs(tangent[:n][gas > 0.0] / gas[gas > 0.0]).max(), np.abs(tangent[n:]).max())
+    state += min(PUSH / largest, 0.5 * gap / max(moves, 1e-300)) * tangent

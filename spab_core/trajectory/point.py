@@ -81,19 +81,38 @@ class OperatingPoint:
 
     @property
     def least_film(self) -> float:
-        """Least film thickness, m: at the equator, where the journal is nearest to the wall."""
+        """Least film thickness, m, where the journal is nearest to the wall: at the equator unless
+        it is displaced along the axis.
+        """
         return self.design.bearing.clearance * (1.0 - self.max_eccentricity)
 
     @property
     def orbit_amplitude(self) -> float:
-        """Half the longer side of the rectangle around the journal's orbit, over C; nan where
-        nothing was measured.
+        """Half the longest side of the box around the journal's orbit, the axis included where it
+        moves along it, over C; nan where nothing was measured.
         """
         box = self.trajectory.box
         if not len(box):
             return math.nan
         sides = box[:, 1::2].max(axis=0) - box[:, ::2].min(axis=0)
+        if self.axial_range:
+            sides = np.append(sides, self.axial_range[1] - self.axial_range[0])
         return 0.5 * float(sides.max())
+
+    @property
+    def axial_range(self) -> tuple[float, float] | None:
+        """Least and largest axial displacement of the measured time, over C; None where the journal
+        is held along the axis, or nothing was measured.
+        """
+        axial = self.trajectory.axial
+        return (float(axial[:, 2].min()), float(axial[:, 3].max())) if len(axial) else None
+
+    def axial_words(self) -> str:
+        """Return a sentence on the motion along the axis, nothing where the journal is held."""
+        if self.axial_range is None:
+            return ""
+        low, high = self.axial_range
+        return f"Along the axis it moves between {low:+.3f} and {high:+.3f} of the clearance."
 
     @property
     def max_eccentricity(self) -> float:
@@ -139,6 +158,7 @@ class OperatingPoint:
             "revolutions": self.trajectory.completed,
             "pushed": self.trajectory.pushed,
             "wall_seconds": self.trajectory.wall_seconds,
+            **dict(zip(("axial_least", "axial_largest"), self.axial_range or (), strict=False)),
         }
 
     @functools.cached_property
@@ -237,7 +257,8 @@ class OperatingPoint:
 
     def verdict(self, limits: Limits = DEFAULT_LIMITS) -> str:
         """What a designer needs to know, in a sentence or two: the motion and what it is worth."""
-        return f"{self.assessment(limits).motion} {self.push_words()}".strip()
+        words = (self.assessment(limits).motion, self.axial_words(), self.push_words())
+        return " ".join(filter(None, words))
 
     def push_words(self) -> str:
         """A sentence where the run was pushed off an unstable orbit, else nothing."""
@@ -317,7 +338,7 @@ def solve_point(
         progress=progress,
     )
     mle = exponent(trajectory.growth, trajectory.settled) if trajectory.status == "ok" else None
-    regime = classify(trajectory.section, mle, trajectory.settled) if mle else None
+    regime = classify(trajectory.points, mle, trajectory.settled) if mle else None
     return OperatingPoint(
         design,
         float(rotor_mass),

@@ -37,6 +37,8 @@ _ARRAYS = {  # of a Trajectory
     "box": Array(np.float64, ("revolution", 4)),
     "path": Array(np.float64, ("path revolution", "sample", 8)),
     "final": Array(np.float64, ("state",)),
+    # files from before the journal could move along the axis do not hold it
+    "axial": Array(np.float64, ("axial revolution", 4), required=False),
 }
 _SCHEMA = Schema(
     "operating point",

@@ -23,10 +23,11 @@ from spab_core.solver.film import (
     gas_size,
     latitude_operators,
     on_azimuths,
+    placed,
     profile,
     thickness,
 )
-from spab_core.solver.rotor import ROTOR_STATES, build_rotor, contact_force
+from spab_core.solver.rotor import ROTOR_STATES, build_rotor, contact_force, wall_force
 from spab_core.solver.stepping import (
     OK,
     REVOLUTION,
@@ -61,6 +62,8 @@ class Revolution:
     gas : ndarray, (K + 1, N, M)
         Gas content P H of the film's nodes, azimuth by latitude of the half band.
     film : Film
+    axial : ndarray, (K + 1, 2)
+        Z and Z', over C; of a journal that is held along the axis its position, and 0.
     """
 
     design: Design
@@ -71,6 +74,7 @@ class Revolution:
     states: np.ndarray
     gas: np.ndarray
     film: Film = field(repr=False)
+    axial: np.ndarray
 
     @property
     def angle(self) -> np.ndarray:
@@ -80,7 +84,13 @@ class Revolution:
     @property
     def thickness(self) -> np.ndarray:
         """Film thickness H at the nodes, over C, (K + 1, N, M)."""
-        return np.array([thickness(self.film, *q[:2]).T for q in self.states])
+        pairs = zip(self.films, self.states, strict=True)
+        return np.array([thickness(film, *q[:2]).T for film, q in pairs])
+
+    @property
+    def films(self) -> list[Film]:
+        """The film at each shaft angle, its journal where it is along the axis."""
+        return [placed(self.film, np.array([z, *np.zeros(7)])) for z in self.axial[:, 0]]
 
     @property
     def pressure(self) -> np.ndarray:
@@ -113,14 +123,16 @@ def integrate_revolution(point: OperatingPoint, samples: int = 72) -> Revolution
     memory.state[:] = t.final
     options = Options(tolerance=min(TOLERANCE, settings.tolerance), period=REVOLUTION / samples)
     kept, status = [memory.state.copy()], OK
+    record = build_record(1, 0, moving=bool(film.slide))
     for k in range(samples):
-        status, _ = advance(
-            system, memory, options, t.completed * samples + k, 1, build_record(1, 0)
-        )
+        status, _ = advance(system, memory, options, t.completed * samples + k, 1, record)
         if status != OK:
             break
         kept.append(memory.state.copy())
-    states = np.array([u[gas_size(film) :] for u in kept])
+    behind = np.array([u[gas_size(film) :] for u in kept])
+    states, axial = behind[:, :ROTOR_STATES], behind[:, ROTOR_STATES : ROTOR_STATES + 2]
+    if not film.slide:
+        axial = np.column_stack([np.full(len(kept), film.offset), np.zeros(len(kept))])
     if point.design.rigid:  # the disc is the journal
         states[:, 2:4], states[:, 6:8] = states[:, 0:2], states[:, 4:6]
     tau = t.completed * REVOLUTION + np.arange(len(kept)) * (REVOLUTION / samples)
@@ -133,6 +145,7 @@ def integrate_revolution(point: OperatingPoint, samples: int = 72) -> Revolution
         states,
         np.array([film_array(film, u).T for u in kept]),
         film,
+        axial,
     )
 
 
@@ -155,7 +168,7 @@ def run_up(
         How many, and points of each. A run that fails ends there.
     """
     system = running_system(design, rotor_mass, bearing_number, settings.mesh)
-    record = build_record(revolutions, samples)
+    record = build_record(revolutions, samples, moving=bool(system.film.slide))
     advance(
         system,
         build_memory(system.film),
@@ -187,8 +200,15 @@ def forces(revolution: Revolution) -> dict[str, np.ndarray]:
     ramp = np.minimum(r.tau / rotor.ramp, 1.0)
     eccentric = (1.0 - d.rotor.journal_mass_fraction) * mass * d.unbalance_number
     q = r.states
-    film = np.array([film_force(r.film, s.T, *x[:2]) for s, x in zip(r.gas, q, strict=True)])
+    pairs = zip(r.films, r.gas, q, strict=True)
+    film = np.array([film_force(film, s.T, *x[:2]) for film, s, x in pairs])
     contact = np.array([contact_force(rotor, *x[[0, 1, 4, 5]]) for x in q])
+    if r.film.slide:  # the wall is met where the gap is least
+        whole = [
+            wall_force(rotor, r.film.edge, (*x[:2], z), (*x[4:6], vz))
+            for x, (z, vz) in zip(q, r.axial, strict=True)
+        ]
+        contact = np.array(whole)[:, :2]
     shaft = (
         np.full((len(q), 2), math.nan)
         if d.rigid
@@ -263,7 +283,7 @@ def surface(
     azimuth = np.linspace(0.0, 2.0 * math.pi, azimuths + 1)
     x, y = r.states[picked, 0][:, None, None], r.states[picked, 1][:, None, None]
     radius, height = profile(r.design.bearing, s)
-    base = 1.0 - r.film.offset * height
+    base = 1.0 - r.axial[picked, 0][:, None, None] * height
     gap = base - radius * (x * np.cos(azimuth)[:, None] + y * np.sin(azimuth)[:, None])
     pressure = np.sqrt(np.maximum(1.0 + closed, 0.0))
     latitude = r.design.bearing.edge * s

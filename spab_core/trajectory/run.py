@@ -8,7 +8,7 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -117,12 +117,15 @@ class Trajectory:
         Share of each revolution in which the asperities carry more than a tenth of the load
         (:func:`~spab_core.solver.rotor.contact_eccentricity`), and at an eccentricity above 0.9.
     peak, force : ndarray, (revolutions,)
-        Largest eccentricity in each revolution, and largest normal force of the asperities over
-        p_a R².
+        Largest eccentricity in each revolution (of a journal displaced along the axis one less the
+        least film, over C), and largest normal force of the asperities over p_a R².
     box : ndarray, (revolutions, 4)
         Least and largest X2, least and largest Y2.
     path : ndarray, (path revolutions, samples, 8)
         Rotor states in the last recorded revolutions.
+    axial : ndarray, (revolutions, 4)
+        Z and Z' at tau = 2 pi k, and least and largest Z of each revolution, where the journal
+        moves along the axis; else (0, 4).
     mesh : Mesh
         Of the film, at the end.
     steps : int
@@ -152,6 +155,23 @@ class Trajectory:
     final: np.ndarray
     settled: Settled | None = None
     pushed: int = 0
+    axial: np.ndarray = field(default_factory=lambda: np.empty((0, 4)))
+
+    @property
+    def points(self) -> np.ndarray:
+        """``section``, with Z and Z' where the journal moves along the axis."""
+        if not len(self.axial):
+            return self.section
+        return np.concatenate([self.section, self.axial[:, :2]], axis=1)
+
+
+def check_method(design: Design, settings: Settings) -> None:
+    """Raise :class:`DesignError` where the method does not solve the design's motion."""
+    if design.rotor.axial_motion and settings.method != "rodas":
+        raise DesignError(
+            f"method = {settings.method} holds the journal along the axis: take rodas, or set "
+            "rotor.axial_motion = false"
+        )
 
 
 def simulate(
@@ -194,10 +214,12 @@ def simulate(
     Raises
     ------
     DesignError
-        For an operating point out of range, or a start that does not fit the mesh.
+        For an operating point out of range, a method that does not solve the design's motion
+        (:func:`check_method`), or a start that does not fit the mesh.
     """
     check_point(rotor_mass, bearing_number)
     settings = settings or Settings()
+    check_method(design, settings)
 
     def start_run(max_step: float) -> Run:
         return Run(
@@ -211,10 +233,6 @@ def simulate(
             max_step,
         )
 
-    if design.rotor.axial_load and settings.method != "rodas":
-        raise DesignError(
-            f"method = {settings.method} solves half the band alone: take rodas with an axial load"
-        )
     try:
         run = start_run(MAX_STEP)
     except AxialStopError:
@@ -296,6 +314,8 @@ class Run:
         The one that the run nears.
     pushed : bool
         Whether the run has been pushed off an unstable orbit.
+    moving : bool
+        Whether the journal moves along the axis.
     growing : float
         Frequency, over the shaft speed, of a growing vibration that the steps cannot follow; 0 for
         none.
@@ -339,7 +359,8 @@ class Run:
         self.kept = min(path_revolutions, int(settings.revolutions))
         self.done, self.status, self.careful = 0, OK, False
         self.tangent, self.first_tangent = False, self.total
-        self.records: list[Record] = [build_record(0, 0)]
+        self.moving = bool(self.system.film.slide)
+        self.records: list[Record] = [build_record(0, 0, moving=self.moving)]
         self.path = np.empty((0, samples, ROTOR_STATES))
         self.settled: Settled | None = None
         self.reached: Settled | None = None  # what it will be, once the run is near enough
@@ -408,7 +429,7 @@ class Run:
             options = options._replace(
                 max_step=self.max_step, max_steps=int(MOST_STEPS * self.share)
             )
-        record = build_record(count, samples)
+        record = build_record(count, samples, moving=self.moving)
         self.status, completed = advance(
             self.system, self.memory, options, self.offset + self.done, count, record
         )
@@ -430,7 +451,7 @@ class Run:
         least film, over C.
         """
         peak, film = self.last("peak", self.measured), self.system.film
-        if not film.offset:
+        if not film.offset or self.moving:
             return peak
         edge = self.design.bearing.edge
         return np.array([1.0 - least_gap(edge, film.offset, float(e)) for e in peak])
@@ -501,7 +522,8 @@ class Run:
         does not; return after how many revolutions to look again.
         """
         options, first = Options(self.tolerance), self.offset + self.done
-        orbit = Shooting(self.system, self.memory, first, period, options, self.implicit)
+        how = period, options, self.implicit, self.moving
+        orbit = Shooting(self.system, self.memory, first, *how)
         found = orbit.find(self.generic, max(self.steps_a_revolution, REVOLUTION / self.max_step))
         rate, wait = found.settled.rate if found else 0.0, self.done // 2
         if found and rate < 0.0 and found.far <= REACH:
@@ -510,7 +532,7 @@ class Run:
             nearer = math.ceil(math.log(found.far / REACH) / -rate)
             wait = max(min(nearer, wait), self.done // 8)
         elif found and rate > UNSTABLE and not self.pushed and self.done <= self.transient // 2:
-            push(self.memory.state, found.direction)
+            push(self.memory.state, found.direction, self.system.film.edge if self.moving else None)
             seek_step(self.memory)
             self.pushed, wait = self.done, 0
         return wait
@@ -555,7 +577,12 @@ class Run:
         for k in range(PHASES):
             mode = swift_mode(eigenvalues(self.system, memory.state, SWIFT, fastest))
             status, _ = advance(
-                self.system, memory, options, PHASES * first + k, 1, build_record(1, 0)
+                self.system,
+                memory,
+                options,
+                PHASES * first + k,
+                1,
+                build_record(1, 0, moving=self.moving),
             )
             if mode is None or status != OK:
                 break
@@ -570,7 +597,9 @@ class Run:
 
     def pack(self) -> Trajectory:
         """Return what the run gave so far."""
-        section = self.last("section", self.measured)
+        section, box = self.last("section", self.measured), self.last("box", self.measured)
+        section, along = section[:, :ROTOR_STATES], section[:, ROTOR_STATES:]
+        axial = np.concatenate([along, box[:, 4:]], axis=1) if self.moving else np.empty((0, 4))
         if self.design.rigid:  # the disc is the journal
             for array in (section, self.path):
                 array[..., 2:4], array[..., 6:8] = array[..., 0:2], array[..., 4:6]
@@ -584,7 +613,7 @@ class Run:
             self.last("thin", self.measured) / REVOLUTION,
             self._peak(),
             self.last("force", self.measured),
-            self.last("box", self.measured),
+            box[:, :4],
             self.path,
             self.system.mesh,
             int(self.memory.control[STEPS]),
@@ -592,6 +621,7 @@ class Run:
             self.memory.state.copy(),
             self.settled,
             self.pushed,
+            axial,
         )
 
 

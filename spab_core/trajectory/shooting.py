@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from spab_core.common.threads import one_thread
+from spab_core.solver.film import MOTION_STATES
 from spab_core.solver.rotor import ROTOR_STATES
 from spab_core.solver.stepping import (
     OK,
@@ -33,6 +34,7 @@ from spab_core.trajectory.periodic_orbit import (
     Multiplier,
     Settled,
     leading_multiplier,
+    positions,
     shortest_period,
 )
 
@@ -80,6 +82,8 @@ class Shooting:
         Those of the run.
     implicit : bool
         Whether steps may have any length: else the method's own control lays them.
+    moving : bool
+        Whether the journal moves along the axis.
     """
 
     def __init__(
@@ -90,9 +94,10 @@ class Shooting:
         period: int,
         options: Options,
         implicit: bool,
+        moving: bool = False,
     ) -> None:
         self.system, self.memory, self.first, self.period = system, memory, first, period
-        self.options, self.implicit = options, implicit
+        self.options, self.implicit, self.moving = options, implicit, moving
         self.start = memory.state.copy()
 
     @one_thread
@@ -145,7 +150,8 @@ class Shooting:
         if orbit is None:
             return math.inf
         limit = before + multiplier.to_limit(state - before)
-        far = float(np.abs(limit - self.start)[-ROTOR_STATES:-4].max())
+        moved = (limit - self.start)[-ROTOR_STATES - MOTION_STATES * self.moving :]
+        far = float(np.abs(positions(moved[None])).max())
         if far <= REACH:
             state[:], self.period = limit, shortest_period(orbit.section)
         return far
@@ -158,7 +164,8 @@ class Shooting:
 
     def _revolve(self, steps: int, *, tangent: bool = False) -> Record | None:
         """Do a period; None where it fails."""
-        options, record = self.options._replace(tangent=tangent), build_record(self.period, 0)
+        options = self.options._replace(tangent=tangent)
+        record = build_record(self.period, 0, moving=self.moving)
         if self.implicit:
             options = options._replace(max_step=REVOLUTION / steps, fixed=True)
         status, _ = advance(self.system, self.memory, options, self.first, self.period, record)

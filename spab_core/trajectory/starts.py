@@ -8,8 +8,16 @@ import numpy as np
 
 from spab_core.design.model import Design
 from spab_core.linear_theory.equilibrium import running_system
-from spab_core.solver.film import AUTO, Mesh, film_size, thickness, with_wall
-from spab_core.solver.rotor import ROTOR_STATES
+from spab_core.solver.film import (
+    AUTO,
+    MOTION_STATES,
+    Mesh,
+    film_size,
+    radial_room,
+    rotor_size,
+    thickness,
+    with_wall,
+)
 
 WHIRLING = "whirling"  # the start that is no file
 ECCENTRICITY = 0.8  # of the large orbit, over C
@@ -20,8 +28,9 @@ def whirling_start(
     design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = AUTO
 ) -> np.ndarray:
     """Return a state on a large circular orbit: 80 % of the clearance at half the shaft speed,
-    forward, journal and disc together, the film at ambient pressure, the wall as steady flow into
-    it leaves it.
+    forward (of a journal displaced along the axis 80 % of the room that is left), journal and disc
+    together, the film at ambient pressure, the wall as steady flow into
+    it leaves it; along the axis at rest.
 
     Parameters
     ----------
@@ -38,9 +47,14 @@ def whirling_start(
     """
     system = running_system(design, rotor_mass, bearing_number, mesh)
     n = film_size(system.film)
-    state = np.zeros(n + ROTOR_STATES)
+    state = np.zeros(n + rotor_size(system.film))
+    if system.film.slide:
+        state[-MOTION_STATES] = system.film.offset
+    offset, eccentricity = system.film.offset, ECCENTRICITY
+    if offset:
+        eccentricity *= radial_room(system.film.edge, offset)
     # S = P H with P = 1
-    state[:n] = thickness(system.film, ECCENTRICITY, 0.0).ravel()
-    across = ECCENTRICITY * WHIRL_RATIO  # dY/dtau of a forward orbit that stands at Y = 0
-    state[n:] = [ECCENTRICITY, 0.0, ECCENTRICITY, 0.0, 0.0, across, 0.0, across]
+    state[:n] = thickness(system.film, eccentricity, 0.0).ravel()
+    across = eccentricity * WHIRL_RATIO  # dY/dtau of a forward orbit that stands at Y = 0
+    state[n : n + 8] = [eccentricity, 0.0, eccentricity, 0.0, 0.0, across, 0.0, across]
     return with_wall(system.film, state)

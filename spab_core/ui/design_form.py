@@ -50,7 +50,6 @@ from spab_core.ui.view import (
 _USUAL = to_form(reference_design())
 _STIFFNESS, _UNBALANCE = "rotor__shaft_stiffness", "rotor__unbalance_eccentricity"
 MACHINE = ("bearing__radius", "bearing__clearance", _UNBALANCE, _STIFFNESS)
-_NOT_YET = {"rotor__axial_motion"}  # one value alone is allowed
 UNBALANCE_AS = ("eccentricity", "grade G")
 
 
@@ -181,7 +180,7 @@ def _field(place: DeltaGenerator, field: FormField, **options: Any) -> None:
         "on_change": _typed,
         "args": (field.name,),
         "help": field.help,
-        "disabled": field.name in unused(chosen_design()) | _NOT_YET,
+        "disabled": field.name in unused(chosen_design()),
     } | options
     if field.choices == (False, True):
         place.checkbox(field.title, **shared)

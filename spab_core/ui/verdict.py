@@ -130,6 +130,18 @@ def point_numbers(point: OperatingPoint) -> list[tuple[str, str, str]]:
             f"{1e6 * point.least_film:.1f}",
             "Clearance less the largest eccentricity",
         ),
+        *(
+            [
+                (
+                    "Along the axis",
+                    "{:+.3f} to {:+.3f}".format(*point.axial_range),
+                    "Least and largest displacement along the axis, over the clearance C; the "
+                    "largest eccentricity beside it is one less the least film over C",
+                )
+            ]
+            if point.axial_range
+            else []
+        ),
     ]
 
 
@@ -151,4 +163,7 @@ def point_rows(point: OperatingPoint) -> dict[str, str]:
     if rest.whirl:
         grows = "decays" if rest.whirl.stable else "grows"
         rows["Least stable whirl, cycles/min"] = f"{rest.whirl.speed_rpm:,.0f} ({grows})"
+    if rest.axial:
+        grows = "decays" if rest.axial.stable else "grows"
+        rows["Along the axis at rest, cycles/min"] = f"{rest.axial.speed_rpm:,.0f} ({grows})"
     return rows
