@@ -137,7 +137,7 @@ def _known_map() -> tuple[StabilityMap, str, str] | None:
     shown = own_map.map_of(chosen_design(), mass, number)
     if shown is None or own_map.cell_of(shown.found[1], mass, number) is None:
         return None
-    name = f"the {shown.words[0].lower()}{shown.words[1:]}" if shown.shipped else "its map"
+    name = f"the shipped example ({shown.shipped.label})" if shown.shipped else "its map"
     return shown.found[1], name, ", solved or predicted"
 
 

@@ -72,11 +72,11 @@ def _classifier_boxes(labels: Labels, scores: dict[str, Any]) -> None:
     )
     boxes[2].metric(
         f"Called {labels.best}, is not",
-        f"{scores['unsafe_share']:.1%}",
+        f"{scores['unsafe_share']:.1%}" if called else "none called",
         help=f"The unsafe error: {scores['unsafe']:,} of the {called:,} cells called {labels.best}",
     )
     boxes[3].metric(
-        f"Called {labels.best}, {words[labels.worst]}",
+        f"Called {labels.best}, is {words[labels.worst]}",
         f"{scores['worst_called_best']:,} of {called:,}",
         help=f"Cells called {labels.best} that are {words[labels.worst]}",
     )

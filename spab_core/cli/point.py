@@ -152,7 +152,9 @@ def _whirl_threshold(args: Namespace) -> Answer:
         for t in found:
             print(
                 "stable {stable_side} {critical_mass_kg:.4f} kg (M = {critical_mass_number:.4f}); "
-                "whirl at {whirl_ratio:.4f} of the shaft speed".format(**t)
+                "{what} at {whirl_ratio:.4f} of the shaft speed".format(
+                    what="vibration or drift" if design.rotor.axial_motion else "whirl", **t
+                )
             )
         if not found:
             print("no threshold between 0.01 and 100 kg: stable, or unstable, over the whole range")

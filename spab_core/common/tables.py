@@ -36,7 +36,7 @@ _SEPARATORS = (",", ";", "\t", "|", ":", *_SPACES)
 MISSING = frozenset(  # in lower case, as Excel, pandas, R and MATLAB write an empty cell
     ("", "nan", "na", "n/a", "#n/a", "#na", "null", "none", "<na>", "-nan", "1.#qnan")
 )
-_RULE = re.compile(r"[|+:=\s-]*(---|===)[|+:=\s-]*")  # drawn below the names
+_RULE = re.compile(r"[|+:=\s-]+")  # with three in a row: drawn below the names
 _MARKS = (  # of encodings; that of UTF-32 begins with that of UTF-16
     (codecs.BOM_UTF32_LE, "utf-32"),
     (codecs.BOM_UTF32_BE, "utf-32"),
@@ -177,8 +177,12 @@ class _Lines:
                 raise InputError(
                     f"{_NOT_A_CSV}: line {self.number} has more than {_MAX_LINE:,} characters"
                 )
-            if not line.lstrip().startswith(_COMMENTS) and not _RULE.fullmatch(line.strip()):
+            if not line.lstrip().startswith(_COMMENTS) and not _is_rule(line.strip()):
                 yield line
+
+
+def _is_rule(line: str) -> bool:
+    return ("---" in line or "===" in line) and bool(_RULE.fullmatch(line))
 
 
 def _records(text: str, skip: int, separator: str) -> Iterator[tuple[int, list[str]]]:
@@ -239,7 +243,9 @@ def _text_table(text: str, known: Callable[[Sequence[str]], int], most: int) -> 
             below = max(allowed, key=lambda s: len(cells(first, s)) == len(names))
             return _checked(names, _records(text, skip, below), below, most, [])
     records = _records(text, skip, separator)
-    _, names = next(records)
+    _, names = next(records, (0, []))
+    if not names:
+        raise InputError(f"{_NOT_A_CSV}: it has no line of names")
     return _checked(names, records, separator, most, _left_aside(skip > above[0][0]))
 
 

@@ -133,9 +133,15 @@ def _floor(given: Any) -> float | None:
     return None if given is None else check_number("floor", given, *FLOORS, "per revolution")
 
 
-def _settings(given: Any) -> Values:
+def _settings(given: Any, design: Any = None) -> Values:
+    """Return the settings of runs, of a design if one is given, as plain values."""
+    from spab_core.trajectory.run import check_method
+
     try:
-        return Settings(**given).to_dict()
+        settings = Settings(**given)
+        if design is not None:
+            check_method(Design.from_dict(design), settings)
+        return settings.to_dict()
     except TypeError:
         raise InputError(
             f"settings = {str(given)[:60]!r}: allowed are {', '.join(Settings().to_dict())}"
@@ -162,7 +168,7 @@ class _BifurcationRequest:
         start, stop, count = self.range.split(":")
         self.range = f"{float(start)!r}:{float(stop)!r}:{int(count)}"
         self.sweeps = [s for s in SWEEPS if s in self.sweeps]
-        self.settings = _settings(self.settings)
+        self.settings = _settings(self.settings, self.design)
 
 
 def _run_bifurcation(
@@ -208,7 +214,7 @@ class _PointRequest:
         )
         self.design = _design(self.design)
         self.rotor_mass, self.bearing_number = float(self.rotor_mass), float(self.bearing_number)
-        self.settings = _settings(self.settings)
+        self.settings = _settings(self.settings, self.design)
 
 
 def _run_point(folder: Path, parameters: Values, advance: Advance, set_total: SetTotal) -> None:
@@ -244,7 +250,7 @@ class _SensitivityRequest:
         self.design = design.to_dict()
         self.rotor_mass, self.speed_rpm = float(self.rotor_mass), float(self.speed_rpm)
         self.step, self.scan = check_number("step", self.step, *STEPS), int(self.scan)
-        self.settings = _settings(self.settings)
+        self.settings = _settings(self.settings, self.design)
 
 
 def _run_sensitivity(
@@ -490,7 +496,7 @@ class _MapRequest:
         self.bearing_number, self.rotor_mass = str(self.bearing_number), str(self.rotor_mass)
         self.seconds = float(seconds)
         usual = quick_map.SETTINGS.to_dict()
-        self.settings = _settings(usual if self.settings is None else self.settings)
+        self.settings = _settings(usual if self.settings is None else self.settings, self.design)
         self.dask = quick_map.check_cluster(self.dask)
 
 

@@ -423,6 +423,9 @@ def _newton(system: System, state: np.ndarray) -> np.ndarray | None:
     """Damped Newton iteration to f = 0; None where it does not converge."""
     state = state.copy()
     n, unknowns = film_size(system.film), system.unknowns
+    if system.film.slide and not system.rotor.axial_gravity:
+        # the middle, by symmetry: the film may not hold the journal there, and Z is not to be found
+        unknowns = unknowns[:-2]
     for _ in range(_NEWTON_STEPS):
         value, jacobian = slope_and_jacobian(system, state, unknowns)
         try:

@@ -19,6 +19,7 @@ from spab_core.solver.system import System
 # API 617, chapter 1: a vibration whose amplification factor is less is critically damped
 LEAST_AMPLIFICATION = 2.5
 SLOWEST_WHIRL = 1e-6  # frequency over the shaft speed; below it nothing oscillates
+NEUTRAL = 1e-9  # per radian: a rate under it is none
 FILM_MODE, SHAFT_MODE, AXIAL_MODE = "film whirl", "shaft bending", "axial vibration"
 
 
@@ -57,7 +58,7 @@ class Mode:
         """
         assert self.shape is not None
         journal, disc = self.shape[:2], self.shape[2:4]
-        if len(self.shape) > 4 and abs(self.shape[4]) > np.linalg.norm(self.shape[:4]):
+        if len(self.shape) > 4 and abs(self.shape[4]) > np.linalg.norm(journal):
             return AXIAL_MODE
         bends = np.linalg.norm(disc - journal) > np.linalg.norm(journal)
         return SHAFT_MODE if bends else FILM_MODE
@@ -146,7 +147,8 @@ def modes_of(values: np.ndarray, shapes: np.ndarray, swings: np.ndarray) -> list
 
 def axial_drift(system: System, state: np.ndarray) -> float | None:
     """Return the fastest growth per revolution that does not oscillate, None where nothing grows
-    so: a journal that moves along the axis may drift off where its film does not hold it.
+    so: a journal that moves along the axis may drift off where its film does not hold it. A
+    journal that nothing holds or pushes has 0, whatever rounding makes of it.
 
     Parameters
     ----------
@@ -154,8 +156,11 @@ def axial_drift(system: System, state: np.ndarray) -> float | None:
         Those of :func:`rotor_modes`.
     """
     values = eigenvalues(system, state)
-    still = values[(values.real > 0.0) & (np.abs(values.imag) <= SLOWEST_WHIRL)]
-    return 2.0 * math.pi * float(still.real.max()) if len(still) else None
+    still = values[(values.real > -NEUTRAL) & (np.abs(values.imag) <= SLOWEST_WHIRL)]
+    if not len(still):
+        return None
+    growth = float(still.real.max())
+    return 2.0 * math.pi * growth if growth > NEUTRAL else 0.0
 
 
 def lightly_damped(modes: Iterable[Mode]) -> tuple[Mode, ...]:

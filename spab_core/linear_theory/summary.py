@@ -115,6 +115,8 @@ class Whirl:
 
 def grows_words(name: str, whirl: Whirl) -> str:
     """Say that one of a family (:attr:`Derived.families`) grows, as a clause."""
+    if not whirl.ratio and not whirl.growth:
+        return "the film does not hold the journal along the axis"
     if not whirl.ratio:
         return (
             f"a drift of the journal, not held by its film, grows by {whirl.growth:.3g} per "

@@ -150,8 +150,12 @@ def point_dataset(point: OperatingPoint) -> Dataset:
             ("tangent_revolution",), t.growth, "growth of the tangent", "per revolution"
         ),
         "path": Variable(("path_revolution", "sample", "coordinate"), t.path, _STATE),
-        "final": Variable(("state",), t.final, "state at the end: gas content, then the rotor"),
+        "final": Variable(("state",), t.final, "state at the end: gas, rotor and what else moves"),
     }
+    along = dict(zip(("Z", "Z_dot", "Z_least", "Z_largest"), t.axial.T, strict=False))
+    if len(t.axial):
+        words = "Z and its derivative once a revolution, least and largest Z, over C"
+        about["axial"] = Variable((*each, "axial_value"), t.axial, words)
     if point.mle:
         for name in ("value", "standard_error"):
             full = "mle" if name == "value" else f"mle_{name}"
@@ -163,6 +167,7 @@ def point_dataset(point: OperatingPoint) -> Dataset:
         thin_film_share=t.thin,
         max_eccentricity=t.peak,
         peak_contact_force_n=force * t.force,
+        **(along if len(t.axial) else {}),
     )
     title = "Motion of a rotor on spherical porous gas bearings"
     return Dataset(title, about, metadata, table)

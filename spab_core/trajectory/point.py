@@ -210,6 +210,7 @@ class OperatingPoint:
             self.motion.regime == "quasi-periodic"
             and self.design.rotor.unbalance_eccentricity == 0.0
             and np.ptp(radius) < 1e-3 * radius.mean()
+            and (self.axial_range is None or np.ptp(self.axial_range) < 1e-3 * radius.mean())
         )
 
     @functools.cached_property

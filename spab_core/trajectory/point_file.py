@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -122,6 +123,14 @@ def load_point(path: str | Path) -> OperatingPoint:
         )
 
 
+# what gives a state its entries, besides the mesh: states of equal length may hold other things
+_SHAPING: dict[str, Callable[[Design], bool]] = {
+    "rotor.axial_motion": lambda design: design.rotor.axial_motion,
+    "rotor.axial_load (none or some)": lambda design: bool(design.rotor.axial_load),
+    "bearing.porosity (none or some)": lambda design: design.bearing.stores_gas,
+}
+
+
 def start_of(
     text: str, design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh = AUTO
 ) -> np.ndarray:
@@ -138,7 +147,7 @@ def start_of(
     Raises
     ------
     InputError
-        For a file that cannot be read or whose run failed.
+        For a file that cannot be read, whose run failed, or whose state has other entries.
     """
     if text == WHIRLING:
         return whirling_start(design, rotor_mass, bearing_number, mesh)
@@ -147,5 +156,15 @@ def start_of(
         raise InputError(
             f"the run in {text[:200]!r} failed ({point.trajectory.status}): its last state is no "
             "start"
+        )
+    for name, of in _SHAPING.items():
+        if of(point.design) != of(design):
+            raise InputError(
+                f"the run in {text[:200]!r} is no start: {name} is another in its design"
+            )
+    if mesh not in (AUTO, point.trajectory.mesh):
+        raise InputError(
+            f"the run in {text[:200]!r} is no start: it ended on mesh {point.trajectory.mesh}, "
+            f"this one asks for {mesh}"
         )
     return point.trajectory.final

@@ -45,6 +45,7 @@ from spab_core.ui.view import (
     set_design,
     set_speed,
     show_tolerances,
+    show_value,
 )
 
 _USUAL = to_form(reference_design())
@@ -105,15 +106,21 @@ def take_design(
 def _typed(name: str = "") -> None:
     """Something in the form changed: the field of this name."""
     state, base = st.session_state, chosen_design()
-    # a page may show some of the fields
-    values = {name: state[_key(name)] for name in FIELDS if _key(name) in state}
+    filled = to_form(state["my_filled"]) if "my_filled" in state else {}
+    # of the fields that a page shows, those typed since they were filled: the design may have
+    # changed elsewhere
+    values = {
+        key: state[_key(key)]
+        for key in FIELDS
+        if _key(key) in state and (key == name or state[_key(key)] != filled.get(key))
+    }
     if state.get("my_rigid", base.rigid):
         values[_STIFFNESS] = math.inf
     try:
-        for name, value in values.items():
+        for key, value in values.items():
             if value is None:
                 raise InputError(
-                    f"{FIELDS[name].label} {FIELDS[name].symbol} is empty: type a number"
+                    f"{FIELDS[key].label} {FIELDS[key].symbol} is empty: type a number"
                 )
         design = from_form(values, base)
     except InputError as error:
@@ -147,9 +154,15 @@ def _grade_typed() -> None:
 def _preset_chosen() -> None:
     chosen = PRESETS.get(st.session_state["my_preset"])
     if chosen is not None:
-        st.session_state["name"] = st.session_state["my_notes"] = ""
+        st.session_state["my_notes"] = ""
+        show_value("name", "")
         take_design(chosen.design, chosen.rotor_mass, chosen.speed_rpm)
-        note_typed(FIELDS)
+        note_typed(FIELDS, anew=True)
+
+
+def _back_to_example() -> None:
+    take_design(reference_design())
+    note_typed((), anew=True)
 
 
 def _uploaded() -> None:
@@ -165,11 +178,12 @@ def _uploaded() -> None:
         return
     take_design(design)
     lacking = {key.replace(".", "__") for key in left_out(data)}
-    note_typed(name for name in FIELDS if name not in lacking)
+    note_typed((name for name in FIELDS if name not in lacking), anew=True)
     state["my_remarks"] = design, design_remarks(data)
     if tolerances:
         show_tolerances(tolerances)
-    state["name"], state["my_notes"] = design.name[:NAME_LENGTH], design.notes
+    state["my_notes"] = design.notes
+    show_value("name", design.name[:NAME_LENGTH])
 
 
 def _field(place: DeltaGenerator, field: FormField, **options: Any) -> None:
@@ -292,8 +306,7 @@ def design_popover() -> None:
         design_fields()
         st.button(
             "Back to the example bearing",
-            on_click=take_design,
-            args=(reference_design(),),
+            on_click=_back_to_example,
             key="design_reset",
         )
 

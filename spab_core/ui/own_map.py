@@ -19,6 +19,7 @@ from streamlit.delta_generator import DeltaGenerator
 from spab_core.active_learning.quick_map import as_map, axis_around
 from spab_core.active_learning.refine import Refinement, load_refinement
 from spab_core.common.errors import InputError
+from spab_core.common.words import capital
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.design.model import Design
 from spab_core.jobs.kinds import KINDS
@@ -142,7 +143,7 @@ def example_of(design: Design) -> Shown | None:
     try:
         return shown_example(one)
     except InputError as error:
-        st.warning(str(error)[:1].upper() + str(error)[1:] + ".")
+        st.warning(f"{capital(str(error))}.")
         return None
 
 

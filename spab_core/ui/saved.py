@@ -38,7 +38,14 @@ from spab_core.ui.drawings import show_request
 from spab_core.ui.navigation import page_path
 from spab_core.ui.running import label, time_left
 from spab_core.ui.shared import errors_in_words
-from spab_core.ui.view import EXAMPLE, chosen_design, set_design, set_point, with_unit
+from spab_core.ui.view import (
+    EXAMPLE,
+    chosen_design,
+    note_typed,
+    set_design,
+    set_point,
+    with_unit,
+)
 
 SHOWN = 15  # jobs, before all are asked for
 _OPEN = "_open_page"
@@ -133,7 +140,7 @@ def _headline(kind: str, path: Path, stamp: float) -> str:
 def headline(job: Job) -> str:
     """What a job found, in a sentence; what went wrong, or how far it is."""
     if job.state == "failed":
-        return f"{job.message[:1].upper()}{job.message[1:]}."
+        return f"{capital(job.message)}."
     if job.active or job.state == "cancelled":
         far = f"{job.done:,} of {job.total:,}" if job.total else ""
         return ", ".join(filter(None, (far, job.message, time_left(job.seconds_left))))
@@ -155,6 +162,7 @@ def open_job(job: Job) -> None:
         return
     if design != chosen_design():
         set_design(design)
+        note_typed((), anew=True)
         state["name"] = job.name
     if job.kind == "point":
         set_point(p["rotor_mass"], p["bearing_number"])

@@ -58,7 +58,7 @@ def live_point(
         why = f" here, as {compiling.failure()}" if compiling.failure() else ""
         text = (
             f"First run on this machine: compiling the solver{_wall(design)}{why}. This takes "
-            f"about {compiling.SECONDS} s, once."
+            f"about {compiling.usual_seconds(design)} s, once."
         )
     with st.spinner(text):
         return _solve(design, rotor_mass, bearing_number, settings)
@@ -121,8 +121,13 @@ def known_words(design: Design, rotor_mass: float, bearing_number: float) -> str
     if design != reference_design():
         example = example_of(design)
         cell = cell_of(example.found[1], rotor_mass, bearing_number) if example else None
-        if example and cell:
-            return f"{head}**{example.words}.** {cell_words(example.found, cell)}"
+        if example:
+            there = (
+                cell_words(example.found, cell)
+                if cell
+                else "The point lies outside that map: nothing is known of it yet."
+            )
+            return f"{head}**{example.words}.** {there}"
         return (
             head + "Nothing is known of this design yet: the shipped map and its models are of the "
             "reference bearing."

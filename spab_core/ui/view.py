@@ -267,6 +267,10 @@ def open_view(page: str = "") -> list[str]:
     kept = state.get(_KEPT, {})
     if state.get(_PAGE) != page:
         state[_PAGE], state[_LIVE], state[_SENT] = page, (), {}
+        # a widget is of one page: what was set last may still stand under that of the page left,
+        # and would be taken for shown here
+        for key in ("rpm", "supply", "my_filled", "my_grade_of", "my_grade_rpm"):
+            state.pop(key, None)
     for key, (stale, value) in state[_SENT].items():
         if state.get(key) == stale and key in VIEW:
             state[key] = value
@@ -367,13 +371,17 @@ def set_design(design: Design) -> None:
 def set_example() -> None:
     """Make the example bearing at its usual point what the user works on."""
     set_design(reference_design())
+    note_typed((), anew=True)
     show_value("name", "")
     set_point(VIEW["rotor_mass"].default, VIEW["bearing_number"].default)
 
 
-def note_typed(names: Iterable[str]) -> None:
-    """Keep that the user gave these values of the design, by their names in the form."""
-    st.session_state[_TYPED] = st.session_state.get(_TYPED, frozenset()) | set(names)
+def note_typed(names: Iterable[str], anew: bool = False) -> None:
+    """Keep that the user gave these values of the design, by their names in the form; ``anew``: of
+    another design, for which nothing given before counts.
+    """
+    before = frozenset() if anew else st.session_state.get(_TYPED, frozenset())
+    st.session_state[_TYPED] = before | set(names)
 
 
 def assumed_values() -> list[str]:

@@ -12,6 +12,7 @@ import pytest
 
 from spab_core import Settings, solve_point
 from spab_core.common.errors import DesignError
+from spab_core.design.model import reference_design
 from spab_core.design.presets import preset
 from spab_core.linear_theory.equilibrium import (
     axial_position,
@@ -112,7 +113,16 @@ def test_where_the_film_does_not_hold_the_journal_it_drifts_off():
     z = _along(design, 4.0, 3.0, Mesh(3, 8), state, 4)
     rates = np.log(z[48:] / z[47:-1]) * 16.0
     assert rates[-1] == pytest.approx(drift.axial.growth, rel=5e-3)
-    assert "drift" in drift.verdict() or drift.whirl.growth > drift.axial.growth
+    worst = drift.whirl if drift.whirl.growth > drift.axial.growth else drift.axial
+    assert drift.leading[1] == worst and f"{worst.growth:.3g} per revolution" in drift.verdict()
+
+
+def test_a_journal_that_nothing_holds_along_the_axis_is_not_called_stable():
+    """Self-acting, concentric and without weight: ambient pressure everywhere, at any Z."""
+    design = reference_design().replace(**STILL, bearing__supply_pressure_ratio=1.0)
+    found = derive(design, 1.0, 0.5, Mesh(3, 8))
+    assert found.status == "ok" and found.axial.growth == 0.0 and not found.axial.stable
+    assert not found.leading[1].stable and "Stable at rest" not in found.verdict()
 
 
 def test_motion_across_is_as_with_a_journal_that_is_held():

@@ -107,7 +107,7 @@ def test_the_less_stable_family_is_in_the_verdict(tmp_path, capsys):
     found = derive(machine, mass, NUMBER, MESH)
     assert found.whirl.stable and not found.conical.stable
     assert found.leading == ("conical whirl", found.conical)
-    assert found.verdict().startswith("Unstable at rest: a conical whirl of")
+    assert found.verdict().startswith("Unstable at rest: a conical whirl at")
     judged = assess(machine, None, found)
     assert any("unstable at rest: a conical whirl" in reason for reason in judged.reasons)
     keys = found.record()

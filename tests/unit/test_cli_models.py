@@ -234,7 +234,15 @@ def test_another_design_is_told(tmp_path):
 
 @pytest.mark.slow
 def test_the_shipped_folder_is_verified():
-    assert [check for check in verify() if not check.passed] == []
+    """In an interpreter of its own, which knows all models."""
+    done = subprocess.run(
+        [sys.executable, "-m", "spab_core.cli.main", "verify"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_a_folder_with_another_map_is_left_alone(capsys, folder):

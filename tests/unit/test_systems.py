@@ -384,8 +384,9 @@ def test_a_terminal_of_another_alphabet_gets_words_and_no_traceback(
 def test_a_design_file_of_a_windows_editor_is_read(design):
     text = design_toml(design).replace("\n", "\r\n")
     assert read_design_bytes(text.encode("utf-8-sig")) == design
+    assert read_design_bytes(text.encode("utf-16")) == design
     with pytest.raises(InputError, match="not a text file in UTF-8"):
-        read_design_bytes(text.encode("utf-16"))
+        read_design_bytes("Größe".encode("cp1252"))
 
 
 def test_tables_have_the_same_bytes_on_every_system(monkeypatch, tmp_path):
