@@ -79,7 +79,7 @@ def test_what_is_known_comes_first_and_the_solve_takes_its_place(path, compiler,
         and "Predicted" in text
         and "90% interval" in text
         for text in told
-        if "Nothing is known" not in text
+        if "othing is known" not in text
     )
     assert any("From the shipped map" in text for text in told)
     end = "s in all, once on this machine"
