@@ -16,7 +16,6 @@ import argparse
 import ast
 import io
 import json
-import os
 import re
 import statistics
 import subprocess
@@ -24,6 +23,8 @@ import sys
 import tarfile
 import tempfile
 from pathlib import Path
+
+from cold_compile import answer_of
 
 ROOT = Path(__file__).resolve().parent.parent
 MARKS = {
@@ -162,17 +163,9 @@ def compare(commits: list[str], rounds: int) -> None:
                 folder = Path(place).resolve() / str(k)
                 if not turn:
                     lay_out(commit, folder)
-                own = {"NUMBA_CACHE_DIR": str(folder / "kernels"), "PYTHONPATH": str(folder)}
-                ran = subprocess.run(
-                    [sys.executable, "-c", _CELLS],
-                    cwd=folder,
-                    check=True,
-                    capture_output=True,
-                    text=True,
-                    env=os.environ | own,
-                )
+                found = answer_of(_CELLS, folder, folder / "kernels")
                 if turn:  # the first one compiles
-                    seconds[k].append(json.loads(ran.stdout.splitlines()[-1]))
+                    seconds[k].append(found)
     ratios = [after / before for before, after in zip(*seconds, strict=True)]
     for commit, found in zip(commits, seconds, strict=True):
         print(f"{commit}: {statistics.median(found):.3f} s a cell")

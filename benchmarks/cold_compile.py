@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 HERE = Path(__file__).resolve().parent.parent
 _CODE = """
@@ -29,20 +30,25 @@ print(json.dumps({"clock": first[0] - again[0], "processor": first[1] - again[1]
 """
 
 
+def answer_of(code: str, checkout: Path, kernels: str | Path) -> Any:
+    """Run a program on a checkout with a folder of kernels; return its last line, read as JSON."""
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=checkout,
+        check=True,
+        capture_output=True,
+        text=True,
+        env=os.environ | {"NUMBA_CACHE_DIR": str(kernels), "PYTHONPATH": str(checkout)},
+    )
+    return json.loads(run.stdout.splitlines()[-1])
+
+
 def compile_cold(checkout: Path) -> dict[str, float]:
     """Seconds of clock and processor that a first point takes longer than a second one, with an
     empty kernel folder.
     """
     with tempfile.TemporaryDirectory() as kernels:
-        run = subprocess.run(
-            [sys.executable, "-c", _CODE],
-            cwd=checkout,
-            check=True,
-            capture_output=True,
-            text=True,
-            env=os.environ | {"NUMBA_CACHE_DIR": kernels, "PYTHONPATH": str(checkout)},
-        )
-    return json.loads(run.stdout.splitlines()[-1])
+        return answer_of(_CODE, checkout, kernels)
 
 
 def main() -> None:

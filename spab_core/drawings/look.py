@@ -21,7 +21,6 @@ from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.design.model import Design
 from spab_core.design.tolerances import Machine
 from spab_core.linear_theory.equilibrium import static_equilibrium
-from spab_core.linear_theory.summary import derive
 from spab_core.maps.checkpoints import Checkpoint
 from spab_core.maps.compute import chunk_solver
 from spab_core.maps.solved_margin import troubles_at_rest, troubles_of_motion
@@ -104,14 +103,8 @@ class Look:
         if self.load <= 1.0:
             return True
         mass = min(machine.rotor_mass * self.load, ROTOR_MASS_RANGE[1])
-        if machine.design.rotor.axial_load:  # the least film is not that of the eccentricity alone
-            rest = derive(machine.design, mass, machine.bearing_number)
-            if rest.least_film is None:
-                return False
-            nearest = 1.0 - rest.least_film / machine.design.bearing.clearance
-            return bool(nearest <= self.limits.eccentricity)
         found = static_equilibrium(machine.design, mass, machine.bearing_number)
-        return found is not None and found.eccentricity <= self.limits.eccentricity
+        return found is not None and 1.0 - found.gap <= self.limits.eccentricity
 
 
 def _troubles(point: OperatingPoint, limits: Limits) -> dict[str, str]:

@@ -88,14 +88,14 @@ def screen(machine: Machine, look: Look) -> dict[str, Any]:
         rest = derive(machine.design, machine.rotor_mass, number, mesh, z)
     except (InputError, np.linalg.LinAlgError):
         return nothing | {"grade": AVOID, "margin": 0.0}
-    if rest.gas_flow is None or rest.coefficients is None or rest.least_film is None:
+    if rest.gas_flow is None or rest.coefficients is None:
         return nothing | {"grade": AVOID, "margin": 0.0}
     line = np.geomspace(1.0, look.reach, STEPS)
     one = np.ones_like(line)
     speeds, masses = (one, line) if look.axis == "mass" else (line, one)
     orbit = unbalance_response(z, speeds, masses)
     least, clearance = look.limits.film(machine.design), machine.design.bearing.clearance
-    largest = (1.0 - rest.least_film / clearance) * masses + orbit
+    largest = (1.0 - z.equilibrium.gap) * masses + orbit
     allowed = min(look.limits.eccentricity, 1.0 - least / clearance)
     slowest = min((mode.ratio for mode in rest.modes if mode.forward), default=np.inf)
     whirl = 2.0 * slowest * np.sqrt(masses) ** (-1.0 if look.axis == "mass" else 0.0) < speeds

@@ -133,19 +133,16 @@ def _floor(given: Any) -> float | None:
     return None if given is None else check_number("floor", given, *FLOORS, "per revolution")
 
 
-def _settings(given: Any, design: Any = None) -> Values:
-    """Return the settings of runs, of a design if one is given, as plain values."""
-    from spab_core.trajectory.run import check_method
-
+def _settings(given: Any, design: Any) -> Values:
+    """Return the settings of runs of a design as plain values."""
     try:
         settings = Settings(**given)
-        if design is not None:
-            check_method(Design.from_dict(design), settings)
-        return settings.to_dict()
     except TypeError:
         raise InputError(
             f"settings = {str(given)[:60]!r}: allowed are {', '.join(Settings().to_dict())}"
         ) from None
+    settings.check_design(Design.from_dict(design))
+    return settings.to_dict()
 
 
 @dataclass(kw_only=True)
@@ -306,7 +303,7 @@ class _ToleranceRequest:
         self.machines = tolerance.MACHINES if self.machines is None else self.machines
         self.half_width = tolerance.HALF_WIDTH if self.half_width is None else self.half_width
         self.wanted = tolerance.WANTED if self.wanted is None else self.wanted
-        self.settings = _settings(self.settings)
+        self.settings = _settings(self.settings, self.design)
         look = Look(self.axis, self.reach, settings=Settings(**self.settings))
         check = tolerance.check_study
         check(machine, found, look, self.machines, self.half_width, self.wanted)
@@ -379,7 +376,7 @@ class _ImproveRequest:
                 raise InputError(f"range of {key[:60]} must be two numbers") from None
             ranges[value_of(key).key] = [low, high]
         found = parse_tolerances(_texts(self.tolerances, "tolerances"))
-        self.settings, self.ranges = _settings(self.settings), ranges
+        self.settings, self.ranges = _settings(self.settings, self.design), ranges
         self.tolerances = {VALUES[t.name].key: t.text for t in found}
         machine, look, _ = _improving(vars(self))
         by_name = {key.replace(".", "__"): (b[0], b[1]) for key, b in ranges.items()}

@@ -47,12 +47,15 @@ class Equilibrium:
         Over C.
     attitude_angle : float
         Between the load (-Y) and the journal's displacement, deg, positive with the rotation.
+    gap : float
+        Least film over C, wherever the journal is along the axis.
     state : ndarray
         Full state vector.
     """
 
     eccentricity: float
     attitude_angle: float
+    gap: float
     state: np.ndarray
 
 
@@ -378,8 +381,10 @@ def find_equilibrium(system: System, guess: np.ndarray | None = None) -> Equilib
             if done >= 1.0:
                 break
         load = min(1.0, done + step)
-    x, y = state[n], state[n + 1]
-    return Equilibrium(math.hypot(x, y), math.degrees(math.atan2(x, -y)), state)
+    film, x, y = system.film, state[n], state[n + 1]
+    eccentricity = math.hypot(x, y)
+    gap = least_gap(film.edge, state[-MOTION_STATES] if film.slide else film.offset, eccentricity)
+    return Equilibrium(eccentricity, math.degrees(math.atan2(x, -y)), gap, state)
 
 
 def contact_load_share(

@@ -50,7 +50,6 @@ from spab_core.solver.film import (
     gas_array,
     gas_content,
     gas_size,
-    least_gap,
     pore_content,
 )
 
@@ -456,11 +455,7 @@ def derive(
     drift = axial_drift(system, free.state) if rotor.axial_motion else None
     if drift is not None and (axial is None or drift > axial.growth):
         axial = Whirl(0.0, 0.0, drift)
-    gap = 1.0 - rest.eccentricity
-    if film.offset:
-        gap = least_gap(b.edge, film.offset, rest.eccentricity)
-    least_film = b.clearance * gap
-    conical = conical_modes(z)
+    least_film, conical = b.clearance * rest.gap, conical_modes(z)
     x, y = (float(v) for v in rest.state[-8:-6])
     found = dataclasses.replace(
         found,

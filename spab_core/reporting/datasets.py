@@ -152,8 +152,9 @@ def point_dataset(point: OperatingPoint) -> Dataset:
         "path": Variable(("path_revolution", "sample", "coordinate"), t.path, _STATE),
         "final": Variable(("state",), t.final, "state at the end: gas, rotor and what else moves"),
     }
-    along = dict(zip(("Z", "Z_dot", "Z_least", "Z_largest"), t.axial.T, strict=False))
+    along = {}
     if len(t.axial):
+        along = dict(zip(("Z", "Z_dot", "Z_least", "Z_largest"), t.axial.T, strict=True))
         words = "Z and its derivative once a revolution, least and largest Z, over C"
         about["axial"] = Variable((*each, "axial_value"), t.axial, words)
     if point.mle:
@@ -167,7 +168,7 @@ def point_dataset(point: OperatingPoint) -> Dataset:
         thin_film_share=t.thin,
         max_eccentricity=t.peak,
         peak_contact_force_n=force * t.force,
-        **(along if len(t.axial) else {}),
+        **along,
     )
     title = "Motion of a rotor on spherical porous gas bearings"
     return Dataset(title, about, metadata, table)

@@ -29,7 +29,6 @@ from spab_core.solver.cache import is_kept
 from spab_core.solver.slope import build_work, fill_jacobian
 from spab_core.solver.stepping import Options, advance, build_memory, build_record
 from spab_core.trajectory.point import solve_point
-from spab_core.trajectory.run import check_method
 from spab_core.trajectory.settings import Settings
 
 USUAL = Settings()
@@ -64,7 +63,7 @@ def is_compiled(settings: Settings = USUAL, design: Design | None = None) -> boo
     Raises :class:`DesignError` for a method that does not solve the design's motion.
     """
     if design is not None:
-        check_method(design, settings)
+        settings.check_design(design)
     system = running_system(_like(design), 1.0, 1.0, settings.mesh)
     memory = build_memory(system.film, settings.method)
     return is_kept(advance, system, memory, Options(), 0, 1, build_record(1, 0))

@@ -165,15 +165,6 @@ class Trajectory:
         return np.concatenate([self.section, self.axial[:, :2]], axis=1)
 
 
-def check_method(design: Design, settings: Settings) -> None:
-    """Raise :class:`DesignError` where the method does not solve the design's motion."""
-    if design.rotor.axial_motion and settings.method != "rodas":
-        raise DesignError(
-            f"method = {settings.method} holds the journal along the axis: take rodas, or set "
-            "rotor.axial_motion = false"
-        )
-
-
 def simulate(
     design: Design,
     rotor_mass: float,
@@ -215,11 +206,12 @@ def simulate(
     ------
     DesignError
         For an operating point out of range, a method that does not solve the design's motion
-        (:func:`check_method`), or a start that does not fit the mesh.
+        (:meth:`~spab_core.trajectory.settings.Settings.check_design`), or a start that does not
+        fit the mesh.
     """
     check_point(rotor_mass, bearing_number)
     settings = settings or Settings()
-    check_method(design, settings)
+    settings.check_design(design)
 
     def start_run(max_step: float) -> Run:
         return Run(

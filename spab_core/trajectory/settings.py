@@ -8,6 +8,7 @@ from typing import Any
 
 from spab_core.common.errors import DesignError
 from spab_core.common.validation import check_choice, check_number
+from spab_core.design.model import Design
 from spab_core.solver.film import AUTO, Mesh, parse_mesh
 from spab_core.solver.rotor import RAMP_REVOLUTIONS
 from spab_core.solver.stepping import DEFAULT_TOLERANCE, METHODS
@@ -58,6 +59,14 @@ class Settings:
         if not isinstance(self.early_stop, bool):
             raise DesignError(
                 f"early_stop = {str(self.early_stop)[:40]!r} is not allowed: True or False"
+            )
+
+    def check_design(self, design: Design) -> None:
+        """Raise :class:`DesignError` where the method does not solve the design's motion."""
+        if design.rotor.axial_motion and self.method != "rodas":
+            raise DesignError(
+                f"method = {self.method} holds the journal along the axis: take rodas, or set "
+                "rotor.axial_motion = false"
             )
 
     def check_cold_start(self) -> None:

@@ -233,6 +233,7 @@ VIEW: dict[str, Field] = {
 _DESIGN = (
     "_design"  # values of the design that differ from the reference, {"bearing.clearance": 3e-5}
 )
+_OF_PAGE = ("rpm", "supply", "my_filled", "my_grade_of", "my_grade_rpm")  # filled anew on each
 _TYPED = "_typed"  # values of the design that the user gave, by their names in the form
 _KEPT = "_view"  # all values as they were when the last run of a page began
 _WRITTEN = "_written"  # the address of the last run
@@ -269,7 +270,7 @@ def open_view(page: str = "") -> list[str]:
         state[_PAGE], state[_LIVE], state[_SENT] = page, (), {}
         # a widget is of one page: what was set last may still stand under that of the page left,
         # and would be taken for shown here
-        for key in ("rpm", "supply", "my_filled", "my_grade_of", "my_grade_rpm"):
+        for key in _OF_PAGE:
             state.pop(key, None)
     for key, (stale, value) in state[_SENT].items():
         if state.get(key) == stale and key in VIEW:
