@@ -152,3 +152,30 @@ def test_a_usual_value_follows_its_design_until_another_is_typed():
     assert (
         opened(run_to="5000").number_input(key="run_to_shown").value == 1000.0
     )  # the end of what is allowed now
+
+
+def _given():
+    import streamlit as st
+
+    from spab_core.design.form import FIELDS
+    from spab_core.ui.shared import page_head
+    from spab_core.ui.view import assumed_values, chosen_design, note_typed, set_design, set_example
+
+    page_head("test")
+    if st.button("all", key="all"):
+        note_typed(FIELDS)
+    if st.button("example", key="example"):
+        set_example()
+    set_design(chosen_design().replace(bearing__clearance=30e-6))
+    st.text(len(assumed_values()))
+
+
+def test_what_was_given_for_one_design_does_not_count_for_the_next():
+    """All values given, then the example bearing: a change of it assumes the others again."""
+    at = AppTest.from_function(_given).run()
+    assumed = int(at.text[0].value)
+    assert assumed > 5
+    at.button(key="all").click().run()
+    assert at.text[0].value == "0"
+    at.button(key="example").click().run()
+    assert not at.exception and int(at.text[0].value) == assumed

@@ -463,3 +463,10 @@ def test_few_points_are_ranked_too(design):
     assert ranking(scores).index[0] == "cubic" and "Cubic interpolation" in suggestion(
         ranking(scores)
     )
+
+
+@pytest.mark.parametrize("data", [b"---\n", b"===\n---|---\n", b"-" * 100_000 + b"x\n"])
+def test_rules_alone_are_no_table_and_take_no_time(data):
+    """The last one held a pattern that tried all pairs of places."""
+    with pytest.raises(InputError):
+        read_samples(data)

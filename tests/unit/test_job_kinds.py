@@ -9,6 +9,7 @@ import pytest
 from spab_core.active_learning.quick_map import DOING
 from spab_core.active_learning.refine import load_refinement
 from spab_core.common.errors import InputError
+from spab_core.design.model import reference_design
 from spab_core.jobs.kinds import KINDS, SAMPLES
 from spab_core.jobs.store import cancel, submit
 from spab_core.maps.sensitivity import load_sensitivity, sensitivity
@@ -122,3 +123,15 @@ def test_wrong_requests(kind, change, words):
     }[kind]
     with pytest.raises(InputError, match=words):
         KINDS[kind].check(usual | change)
+
+
+@pytest.mark.parametrize("kind", ["point", "map", "tolerance"])
+def test_a_method_that_does_not_solve_the_design_is_refused_before_the_queue(kind):
+    design = reference_design().replace(rotor__axial_motion=True).to_dict()
+    asked = {
+        "point": {"rotor_mass": 1.0, "bearing_number": 2.0},
+        "map": {"bearing_number": "1:2:4", "rotor_mass": "1:2:4"},
+        "tolerance": {"rotor_mass": 1.0, "speed_rpm": 9000.0, "tolerances": {}},
+    }[kind]
+    with pytest.raises(InputError, match="method = dtm holds the journal along the axis"):
+        submit(kind, asked | {"design": design, "settings": {"method": "dtm"}})
