@@ -7,6 +7,7 @@ or moved, and on another Python version.
 from __future__ import annotations
 
 import ast
+import gc
 import hashlib
 import threading
 from collections.abc import Iterable
@@ -14,8 +15,24 @@ from typing import Any
 
 # fields that follow from others, tell a spelling, or are new in later Pythons
 _SILENT = {"ctx", "kind", "type_comment", "type_params"}
-# Python 3.11 counts a tree's depth in one place for all threads: building two at once is an error
 _PARSING = threading.Lock()
+
+
+def _parse(source: bytes) -> list[ast.stmt]:
+    """Return a source's statements, no other tree built meanwhile.
+
+    Python 3.11 counts a tree's depth in one place for all threads, and another one begun in the
+    middle (``ast.literal_eval`` of NumPy and Dask is such too) is a ``SystemError``. That happens
+    only where the garbage collector calls Python back, as Dask has it do.
+    """
+    with _PARSING:
+        collecting = gc.isenabled()
+        gc.disable()
+        try:
+            return ast.parse(source).body
+        finally:
+            if collecting:
+                gc.enable()
 
 
 def _left_out(node: object) -> bool:
@@ -78,8 +95,6 @@ def source_hash(sources: Iterable[bytes]) -> str:
     """
     statements = []
     for source in sources:
-        with _PARSING:
-            body = ast.parse(source).body
-        statements += [_canonical(node) for node in body if not _left_out(node)]
+        statements += [_canonical(node) for node in _parse(source) if not _left_out(node)]
     statements.sort()
     return hashlib.sha256("\n".join(statements).encode("utf-8", "surrogatepass")).hexdigest()
