@@ -17,8 +17,8 @@ SOLVING := tests/physics $(addprefix tests/unit/test_,kernels.py simulate.py map
 # what can come out otherwise on another Python or other versions: besides, what stores, reads, counts, imports and starts processes
 STORING := $(addprefix tests/unit/test_,memory.py dependencies.py design.py form.py artifacts.py pretrained.py no_code.py surrogates.py \
   jobs.py cli_design.py cli_models.py regimes.py refine.py lines.py features.py) $(addprefix tests/app/test_,about.py view.py jobs.py)
-OLDEST := $(addprefix tests/unit/test_,design.py form.py export.py threads.py kernels.py simulate.py map_engine.py surrogates.py) \
-  $(addprefix tests/physics/test_,film.py integrators.py points.py) $(addprefix tests/app/test_,about.py view.py home.py my_bearing.py)
+OLDEST := $(addprefix tests/unit/test_,design.py form.py export.py simulate.py map_engine.py surrogates.py) \
+  $(addprefix tests/physics/test_,film.py integrators.py) $(addprefix tests/app/test_,about.py view.py home.py my_bearing.py)
 
 .PHONY: run test test-fast coverage compiled test-foreign test-python oldest test-oldest licences lint lock map train verify bifurcations audit \
   linear-table refined preset-maps manifest pictures results docs clean another-python
@@ -58,13 +58,13 @@ test-python: $(VENV)/.ready
 compiled: $(VENV)/.ready
 	$(FOREIGN) $(BIN)/python $(COMPILE)
 
-# the oldest versions that pyproject.toml allows: core, view and what else depends on the libraries, without the models kept for
-# the newest ones
+# the oldest versions that pyproject.toml allows: core, view and what else depends on the libraries, without what takes more than
+# a few seconds and the models kept for the newest ones
 OLD := VENV=.venv-oldest LOCK=requirements-oldest.lock CPU=native
 
 test-oldest:
 	$(MAKE) $(OLD) .venv-oldest/.ready
-	NUMBA_CACHE_DIR=$(abspath .venv-oldest)/kernels-native .venv-oldest/bin/python -m pytest -q $(OLDEST)
+	NUMBA_CACHE_DIR=$(abspath .venv-oldest)/kernels-native .venv-oldest/bin/python -m pytest -q -m "not slow" $(OLDEST)
 
 oldest:
 	$(MAKE) $(OLD) compiled

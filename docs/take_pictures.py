@@ -77,22 +77,25 @@ def browser_page(width=1440, height=900, theme="light"):
         browser.close()
 
 
-def settled(page, seconds=180):
-    """Wait until the script has run, nothing is awaited any more, the compiler neither, and every
-    figure is drawn; a background job may still work."""
-    page.wait_for_selector(
-        "[data-testid='stApp'][data-test-script-state='notRunning']", timeout=1000 * seconds
-    )
-    page.wait_for_function(
-        """() => !document.querySelector("[data-testid='stSpinner'], [data-testid='stSkeleton']")
+QUIET = """() => {
+    const quiet = document.querySelector(
+            "[data-testid='stApp'][data-test-script-state='notRunning']")
+        && !document.querySelector("[data-testid='stSpinner'], [data-testid='stSkeleton']")
         && !document.body.innerText.includes('Compiling the solver')
         && document.querySelector("[data-testid='stMain'] h1")
         && ![...document.querySelectorAll('.spab-picture')].some(p => p.checkVisibility())
         && [...document.querySelectorAll('.stPlotlyChart')].every(
-            c => !c.checkVisibility() || c.querySelector('.main-svg'))""",
-        timeout=1000 * seconds,
-    )
-    page.wait_for_timeout(1200)
+            c => !c.checkVisibility() || c.querySelector('.main-svg'));
+    if (!quiet) window.spabQuiet = 0;
+    else window.spabQuiet ||= Date.now();
+    return quiet && Date.now() - window.spabQuiet > 600; }"""
+
+
+def settled(page, seconds=180):
+    """Wait until for 0.6 s the script has not run, nothing is awaited, the compiler neither, and
+    every figure is drawn; a background job may still work."""
+    page.evaluate("() => { window.spabQuiet = 0; }")
+    page.wait_for_function(QUIET, polling=50, timeout=1000 * seconds)
 
 
 def pages():

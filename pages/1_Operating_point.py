@@ -1,5 +1,5 @@
 """Operating point: one rotor mass and bearing number solved live, in every view, beside the
-reference bearing if wanted.
+example bearing if wanted.
 """
 
 from collections.abc import Callable
@@ -19,6 +19,7 @@ from spab_core.ui.downloads import downloads
 from spab_core.ui.point_bar import point_bar
 from spab_core.ui.shared import errors_in_words, page_head
 from spab_core.ui.view import (
+    EXAMPLE,
     POINT_TABS,
     SAME,
     choice,
@@ -66,7 +67,7 @@ if compare:
         format_func={SAME[0]: "same Λ", SAME[1]: "same speed"}.__getitem__,
     )
     other = number if same == SAME[0] else usual.bearing_number(design.speed(number))
-    sides.append((usual, other, "reference bearing SPAB-60", "reference"))
+    sides.append((usual, other, EXAMPLE, "reference"))
 
 points = []
 for box, (one, at, words, key) in zip(st.columns(len(sides), gap="medium"), sides, strict=True):

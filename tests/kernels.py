@@ -1,6 +1,7 @@
 """Compile the kernels that many tests need, on two cores, each once: ``python -m tests.kernels``.
 
-Kernels differ by the mesh's width, the method and whether the wall stores gas. Two workers of
+Kernels differ by the mesh's width, the method, whether the wall stores gas and whether the journal
+moves along the axis. Two workers of
 pytest that come upon the same ones would both compile them."""
 
 from __future__ import annotations
@@ -14,20 +15,22 @@ from spab_core.trajectory.compiling import compile_once
 from spab_core.trajectory.point import solve_point
 from spab_core.trajectory.settings import Settings
 
-# mesh, method, porosity: the slowest first
+# mesh, method, porosity, axial motion: the slowest first
 NEEDED = (
-    ("3x16", "dtm", 0.0),
-    ("2x16", "dtm", 0.15),
-    ("3x16", "rodas", 0.15),
-    ("3x24", "rodas", 0.15),
-    ("4x32", "rodas", 0.15),
-    ("4x32", "rodas", 0.0),
-    ("3x24", "rodas", 0.0),
+    ("3x16", "dtm", 0.0, False),
+    ("2x16", "dtm", 0.15, False),
+    ("3x16", "rodas", 0.15, True),
+    ("3x16", "rodas", 0.0, True),
+    ("3x16", "rodas", 0.15, False),
+    ("3x24", "rodas", 0.15, False),
+    ("4x32", "rodas", 0.15, False),
+    ("4x32", "rodas", 0.0, False),
+    ("3x24", "rodas", 0.0, False),
 )
 
 
-def _compile(mesh: str, method: str, porosity: float) -> None:
-    design = reference_design().replace(bearing__porosity=porosity)
+def _compile(mesh: str, method: str, porosity: float, moving: bool) -> None:
+    design = reference_design().replace(bearing__porosity=porosity, rotor__axial_motion=moving)
     if method == "rodas":
         derive(design, 4.0, 3.0)
     solve_point(design, 4.0, 3.0, Settings(mesh, method, transient=30, revolutions=20))

@@ -19,7 +19,7 @@ from spab_core.trajectory.assessment import Assessment
 from spab_core.trajectory.compiling import compile_once
 from spab_core.trajectory.point import OperatingPoint, solve_point
 from spab_core.trajectory.point_file import save_point, start_of
-from spab_core.trajectory.run import path_angle
+from spab_core.trajectory.run import path_table
 from spab_core.trajectory.starts import WHIRLING
 
 _ORBIT_REVOLUTIONS = 50
@@ -112,11 +112,10 @@ def assessment_lines(found: Assessment) -> list[str]:
 def _orbit_csv(point: OperatingPoint) -> bytes:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["tau", "X2", "Y2", "X1", "Y1", "X2_dot", "Y2_dot", "X1_dot", "Y1_dot"])
-    states = point.trajectory.path.reshape(-1, 8)
+    columns = path_table(point.trajectory)
+    writer.writerow(columns)
     writer.writerows(
-        [f"{t:.6f}", *(f"{v:.8g}" for v in row)]
-        for t, row in zip(path_angle(point.trajectory), states, strict=True)
+        [f"{t:.6f}", *(f"{v:.8g}" for v in row)] for t, *row in zip(*columns.values(), strict=True)
     )
     return text.getvalue().encode()
 

@@ -80,6 +80,17 @@ class Mode:
         """
         return math.pi / self.log_decrement if self.log_decrement > 0.0 else math.inf
 
+    @property
+    def axial_amplification(self) -> float:
+        """Amplitude along the axis over the unbalance eccentricity, at most, where the speed is
+        that of a vibration along the axis: the amplification times the share with which the disc
+        moves across, 0 where film and wall are the same on both sides.
+        """
+        assert self.shape is not None
+        across = float(np.linalg.norm(self.shape[2:4]))
+        share = across / math.hypot(across, abs(self.shape[4]))
+        return share * self.amplification if share > 0.0 else 0.0
+
     def record(self) -> dict[str, Any]:
         """Return plain values; no amplification where it does not decay."""
         factor = self.amplification

@@ -125,8 +125,8 @@ def chunk_solver(
                 for name, found in parallel(job(*chunk) for chunk in chunks.items()):
                     if str(found["solver"]) != solver_hash():
                         raise MapError(
-                            f"the workers of {cluster} run another version of spab's solver than "
-                            "this process: install the same version there"
+                            f"the workers of {cluster or 'this machine'} run another version of "
+                            "spab's solver than this process: install the same version there"
                         )
                     run.save(name, chunks[name], found)
                     if progress:

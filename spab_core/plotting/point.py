@@ -215,8 +215,8 @@ def spectrum_figure(
     figure, top = go.Figure(), 0.0
     for (name, s), colour, dash in zip(
         spectra.items(),
-        (JOURNAL, SECTION, DISC, GREEN),
-        ("solid", "dot", "solid", "dot"),
+        (JOURNAL, SECTION, DISC, GREEN, NEUTRAL),
+        ("solid", "dot", "solid", "dot", "solid"),
         strict=False,
     ):
         shown = s.order <= MAX_ORDER
@@ -257,8 +257,10 @@ def spectrum_figure(
 
 
 def signals_figure(point: OperatingPoint, revolutions: int = 8) -> go.Figure:
-    """X2, Y2, X1, Y1 over the last recorded revolutions."""
-    path = point.trajectory.path[-revolutions:]
+    """X2, Y2, X1, Y1 over the last recorded revolutions, and Z where the journal moves along the
+    axis.
+    """
+    path, along = point.trajectory.path[-revolutions:], point.trajectory.axial_path[-revolutions:]
     count, samples, _ = path.shape
     states, n = (
         path.reshape(-1, 8),
@@ -277,6 +279,16 @@ def signals_figure(point: OperatingPoint, revolutions: int = 8) -> go.Figure:
                 col=1,
             )
         figure.update_yaxes(title=f"{body}, / C", row=row, col=1)
+    if along.size:
+        figure.add_scatter(
+            x=n,
+            y=along[..., 0].ravel().astype(np.float32),
+            mode="lines",
+            name="Z",
+            line={"color": NEUTRAL, "width": 1.5},
+            row=1,
+            col=1,
+        )
     figure.update_xaxes(title="revolutions since the start", row=2, col=1)
     return figure.update_layout(
         title={"text": f"Positions over the last {count} revolutions", **_TITLE},

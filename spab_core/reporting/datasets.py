@@ -16,6 +16,7 @@ from spab_core.maps.map_netcdf import CODES
 from spab_core.maps.stability_map import FIELDS, StabilityMap
 from spab_core.trajectory.point import OperatingPoint
 from spab_core.trajectory.point_file import point_arrays
+from spab_core.trajectory.run import ALONG, STATE
 
 _NUMBERS = {
     "mle": ("maximum Lyapunov exponent, natural logarithm", "per revolution"),
@@ -35,7 +36,6 @@ _AXES = {
     "bearing_number": ("bearing number", "1"),
     "rotor_mass": ("rotor mass on one bearing", "kg"),
 }
-STATE = ("X2", "Y2", "X1", "Y1", "X2_dot", "Y2_dot", "X1_dot", "Y1_dot")
 _STATE = "journal X2, Y2 and disc X1, Y1 over the clearance, then their velocities per radian"
 
 
@@ -154,9 +154,13 @@ def point_dataset(point: OperatingPoint) -> Dataset:
     }
     along = {}
     if len(t.axial):
-        along = dict(zip(("Z", "Z_dot", "Z_least", "Z_largest"), t.axial.T, strict=True))
+        along = dict(zip((*ALONG, "Z_least", "Z_largest"), t.axial.T, strict=True))
         words = "Z and its derivative once a revolution, least and largest Z, over C"
         about["axial"] = Variable((*each, "axial_value"), t.axial, words)
+    if t.axial_path.size:
+        words = "Z over C and its derivative per radian, with path"
+        dimensions = ("path_revolution", "sample", "axial_coordinate")
+        about["axial_path"] = Variable(dimensions, t.axial_path, words)
     if point.mle:
         for name in ("value", "standard_error"):
             full = "mle" if name == "value" else f"mle_{name}"

@@ -110,7 +110,8 @@ class Record(NamedTuple):
     box : ndarray, (revolutions, 4)
         Least and largest X, least and largest Y of the journal; (revolutions, 6) with those of Z.
     path : ndarray, (revolutions, samples, 8)
-        Rotor states at equal spacing, the first at the start of the revolution.
+        Rotor states at equal spacing, the first at the start of the revolution; (revolutions,
+        samples, 10) with Z and Z'.
     """
 
     section: np.ndarray
@@ -128,7 +129,7 @@ def build_record(revolutions: int, samples: int, *, moving: bool = False) -> Rec
     shapes: dict[str, tuple[int, ...]] = {
         "section": (ROTOR_STATES + 2 * moving,),
         "box": (4 + 2 * moving,),
-        "path": (samples, ROTOR_STATES),
+        "path": (samples, ROTOR_STATES + 2 * moving),
     }
     return Record(
         *(np.full((revolutions, *shapes.get(name, ())), np.nan) for name in Record._fields)
@@ -317,6 +318,9 @@ def sample(u, new, n, t, h, start, spacing, row, record):
         for c in range(4):
             x, v = _hermite(u[n + c], new[n + c], u[n + 4 + c], new[n + 4 + c], s, h)
             record.path[row, k, c], record.path[row, k, 4 + c] = x, v
+        if record.path.shape[2] > SPEED:
+            z, v = _hermite(u[n + PLACE], new[n + PLACE], u[n + SPEED], new[n + SPEED], s, h)
+            record.path[row, k, PLACE], record.path[row, k, SPEED] = z, v
         k += 1
 
 

@@ -17,7 +17,7 @@ from spab_core.common.validation import check_number
 from spab_core.common.words import small
 from spab_core.design.model import Design
 from spab_core.linear_theory.assumptions import Assumption
-from spab_core.linear_theory.modes import LEAST_AMPLIFICATION, Mode
+from spab_core.linear_theory.modes import LEAST_AMPLIFICATION
 from spab_core.linear_theory.summary import Derived, grows_words
 from spab_core.solver.stepping import STATUS_TEXT
 
@@ -283,16 +283,20 @@ def rest_rules(rest: Derived | None, limits: Limits = DEFAULT_LIMITS) -> Iterato
         yield Rule(UNKNOWN, WATCH, True, lambda: f"resonance is not judged: {rest.status}")
         return
     yield Rule(NOT_LIFTED, AVOID, rest.lies_on_wall, rest.lift_words)
-    both = [("whirl", m) for m in rest.modes] + [("conical whirl", m) for m in rest.conical_modes]
+    both = [("a whirl", m) for m in rest.modes]
+    both += [("a conical whirl", m) for m in rest.conical_modes]
     forward = [(name, m) for name, m in both if m.forward and m.log_decrement > 0.0]
-    for name, mode in forward:
-        away, margin = abs(mode.ratio - 1.0), limits.separation * separation_margin(mode)
-        close = mode.amplification > RESONANT and away < margin / 3.0
+    along = [m for m in rest.axial_modes if m.log_decrement > 0.0]
+    driven = [(name, m, m.amplification) for name, m in forward]
+    driven += [("a vibration along the axis", m, m.axial_amplification) for m in along]
+    for name, mode, factor in driven:
+        away = abs(mode.ratio - 1.0)
+        margin = limits.separation * separation_margin(mode.ratio, factor)
         yield Rule(
             RESONANCE,
-            AVOID if close else WATCH,
+            AVOID if factor > RESONANT and away < margin / 3.0 else WATCH,
             away < margin,
-            partial(_resonance_words, name, mode, margin, rest.speed_rpm),
+            partial(_resonance_words, name, mode.ratio, factor, margin, rest.speed_rpm),
         )
     if rest.leading and not rest.leading[1].stable:
         words = f"unstable at rest: {grows_words(*rest.leading)}"
@@ -302,7 +306,7 @@ def rest_rules(rest: Derived | None, limits: Limits = DEFAULT_LIMITS) -> Iterato
     # only what is slower than the shaft can be fed by its rotation; the supply may feed what moves
     # along the axis
     slow = [m.log_decrement for _, m in forward if m.ratio < 1.0]
-    slow += [m.log_decrement for m in rest.axial_modes if m.log_decrement > 0.0]
+    slow += [m.log_decrement for m in along]
     if slow and min(slow) < LIGHT:
         yield Rule(
             LIGHTLY_DAMPED,
@@ -318,26 +322,34 @@ def _words_of(assumption: Assumption) -> str:
     return f"outside the theory: {assumption.words}"
 
 
-def _resonance_words(name: str, mode: Mode, margin: float, speed_rpm: float) -> str:
+def _resonance_words(
+    name: str, ratio: float, factor: float, margin: float, speed_rpm: float
+) -> str:
     return (
-        f"resonance: a {name} at {mode.ratio * speed_rpm:,.0f} cycles/min with the amplification "
-        f"{mode.amplification:.1f} is {100 * abs(mode.ratio - 1.0):.1f} % from the speed, limit "
+        f"resonance: {name} at {ratio * speed_rpm:,.0f} cycles/min with the amplification "
+        f"{factor:.1f} is {100 * abs(ratio - 1.0):.1f} % from the speed, limit "
         f"{100 * margin:.0f} %"
     )
 
 
-def separation_margin(mode: Mode) -> float:
+def separation_margin(ratio: float, factor: float) -> float:
     """Return the separation of a vibration from the shaft speed that API 617 (chapter 1,
     unbalance response) asks for, over the speed.
 
     With the amplification AF it is 17 % (1 - 1/(AF - 1.5)) where the vibration is slower, 10 % more
     where it is faster, nothing where AF < 2.5.
+
+    Parameters
+    ----------
+    ratio : float
+        The vibration's frequency over the shaft speed.
+    factor : float
+        Its amplification AF.
     """
-    factor = mode.amplification
     if factor < LEAST_AMPLIFICATION:
         return 0.0
     margin = 0.17 * (1.0 - 1.0 / (factor - 1.5))
-    return margin if mode.ratio < 1.0 else 0.10 + margin
+    return margin if ratio < 1.0 else 0.10 + margin
 
 
 def assess(

@@ -40,6 +40,7 @@ _ARRAYS = {  # of a Trajectory
     "final": Array(np.float64, ("state",)),
     # files from before the journal could move along the axis do not hold it
     "axial": Array(np.float64, ("axial revolution", 4), required=False),
+    "axial_path": Array(np.float64, ("axial path revolution", "axial sample", 2), required=False),
 }
 _SCHEMA = Schema(
     "operating point",

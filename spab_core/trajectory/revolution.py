@@ -177,7 +177,7 @@ def run_up(
         revolutions,
         record,
     )
-    path: np.ndarray = record.path.reshape(-1, ROTOR_STATES)
+    path: np.ndarray = record.path[..., :ROTOR_STATES].reshape(-1, ROTOR_STATES)
     path = path[np.isfinite(path[:, 0])]
     if design.rigid:
         path[:, 2:4], path[:, 6:8] = path[:, 0:2], path[:, 4:6]

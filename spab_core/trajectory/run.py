@@ -86,6 +86,9 @@ FASTEST = 3e5
 PHASES = 4
 # steps that one swing of a growing vibration takes
 PER_SWING = 12
+# columns of rotor states, and of a journal that moves along the axis
+STATE = ("X2", "Y2", "X1", "Y1", "X2_dot", "Y2_dot", "X1_dot", "Y1_dot")
+ALONG = ("Z", "Z_dot")
 # last revolutions of a run without a check: recording paths there must not change where the run
 # stops
 _ATTENTION = 50
@@ -126,6 +129,8 @@ class Trajectory:
     axial : ndarray, (revolutions, 4)
         Z and Z' at tau = 2 pi k, and least and largest Z of each revolution, where the journal
         moves along the axis; else (0, 4).
+    axial_path : ndarray, (path revolutions, samples, 2)
+        Z and Z' with ``path``, where the journal moves along the axis; else (0, 0, 2).
     mesh : Mesh
         Of the film, at the end.
     steps : int
@@ -156,6 +161,7 @@ class Trajectory:
     settled: Settled | None = None
     pushed: int = 0
     axial: np.ndarray = field(default_factory=lambda: np.empty((0, 4)))
+    axial_path: np.ndarray = field(default_factory=lambda: np.empty((0, 0, 2)))
 
     @property
     def points(self) -> np.ndarray:
@@ -353,7 +359,7 @@ class Run:
         self.tangent, self.first_tangent = False, self.total
         self.moving = bool(self.system.film.slide)
         self.records: list[Record] = [build_record(0, 0, moving=self.moving)]
-        self.path = np.empty((0, samples, ROTOR_STATES))
+        self.path = np.empty((0, samples, ROTOR_STATES + 2 * self.moving))
         self.settled: Settled | None = None
         self.reached: Settled | None = None  # what it will be, once the run is near enough
         self.generic = self.memory.tangent.copy()
@@ -592,8 +598,9 @@ class Run:
         section, box = self.last("section", self.measured), self.last("box", self.measured)
         section, along = section[:, :ROTOR_STATES], section[:, ROTOR_STATES:]
         axial = np.concatenate([along, box[:, 4:]], axis=1) if self.moving else np.empty((0, 4))
+        path, axial_path = self.path[..., :ROTOR_STATES], self.path[..., ROTOR_STATES:]
         if self.design.rigid:  # the disc is the journal
-            for array in (section, self.path):
+            for array in (section, path):
                 array[..., 2:4], array[..., 6:8] = array[..., 0:2], array[..., 4:6]
         with_tangent = max(self.done - self.first_tangent, 0)
         return Trajectory(
@@ -606,7 +613,7 @@ class Run:
             self._peak(),
             self.last("force", self.measured),
             box[:, :4],
-            self.path,
+            path,
             self.system.mesh,
             int(self.memory.control[STEPS]),
             time.perf_counter() - self.began,
@@ -614,6 +621,7 @@ class Run:
             self.settled,
             self.pushed,
             axial,
+            axial_path if self.moving else np.empty((0, 0, 2)),
         )
 
 
@@ -661,3 +669,14 @@ def path_angle(trajectory: Trajectory) -> np.ndarray:
     steps = np.arange(revolutions * samples) * (2.0 * math.pi / max(samples, 1))
     angles: np.ndarray = start + steps
     return angles
+
+
+def path_table(trajectory: Trajectory) -> dict[str, np.ndarray]:
+    """Return the last path as columns by name: tau, the states, and Z and its derivative where the
+    journal moves along the axis; each of shape (path revolutions * samples,).
+    """
+    columns = {"tau": path_angle(trajectory)}
+    columns |= dict(zip(STATE, trajectory.path.reshape(-1, ROTOR_STATES).T, strict=True))
+    if trajectory.axial_path.size:
+        columns |= dict(zip(ALONG, trajectory.axial_path.reshape(-1, 2).T, strict=True))
+    return columns

@@ -116,7 +116,8 @@ def map_job(parameters: dict[str, Any]) -> Job | None:
 
 def map_of(design: Design, rotor_mass: float, bearing_number: float) -> Shown | None:
     """The map of a design to be shown at a point: the latest one that the point lies in, else the
-    latest, else the example that comes with spab; None where there is none.
+    example that comes with spab if it lies in that, else the latest, else the example; None where
+    there is none.
 
     Raises ``InputError``.
     """
@@ -130,18 +131,27 @@ def map_of(design: Design, rotor_mass: float, bearing_number: float) -> Shown | 
         latest = latest or found
         if cell_of(found.found[1], rotor_mass, bearing_number):
             return found
-    return latest or example_of(design)
+    example = example_of(design)
+    if latest and not (example and cell_of(example.found[1], rotor_mass, bearing_number)):
+        return latest
+    return example
+
+
+def find_example(design: Design) -> Shown | None:
+    """The example of a design that comes with spab; None where there is none.
+
+    Raises ``InputError`` where it is stale, missing or damaged.
+    """
+    one = map_of_design(design)
+    return shown_example(one) if one else None
 
 
 def example_of(design: Design) -> Shown | None:
     """The example of a design that comes with spab; None where there is none, or, with a sentence
     on the page, where it is not to be shown.
     """
-    one = map_of_design(design)
-    if one is None:
-        return None
     try:
-        return shown_example(one)
+        return find_example(design)
     except InputError as error:
         st.warning(f"{capital(str(error))}.")
         return None

@@ -21,9 +21,9 @@ from spab_core.trajectory.expected_time import expected_seconds
 from spab_core.trajectory.point import OperatingPoint
 from spab_core.trajectory.point_file import load_point, point_arrays
 from spab_core.trajectory.revolution import Revolution, forces, integrate_revolution, run_up
-from spab_core.trajectory.run import path_angle
+from spab_core.trajectory.run import path_table
 from spab_core.trajectory.settings import Settings
-from spab_core.trajectory.spectrum import spectrum
+from spab_core.trajectory.spectrum import Spectrum, spectrum
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.solving import LIVE_PATHS, live_point
 from spab_core.ui.verdict import point_numbers, point_verdict
@@ -119,22 +119,28 @@ def run_up_of(point: OperatingPoint) -> np.ndarray:
     return _run_up_path(_key(point), point)
 
 
+def _spectra(point: OperatingPoint, coordinates: int) -> dict[str, Spectrum]:
+    """Spectra of the first so many of :data:`COORDINATES`, as recorded, and of Z where the journal
+    moves along the axis.
+    """
+    path, along = point.trajectory.path, point.trajectory.axial_path
+    signals = {name: path[..., k] for k, name in enumerate(COORDINATES[:coordinates])}
+    if along.size:
+        signals["Z"] = along[..., 0]
+    return {name: spectrum(signal.ravel(), path.shape[1]) for name, signal in signals.items()}
+
+
 def spectrum_of(point: OperatingPoint, coordinates: int = 2) -> go.Figure:
-    """Spectra of the first so many of :data:`COORDINATES`, as recorded."""
-    path = point.trajectory.path
-    spectra = {
-        name: spectrum(path[..., k].ravel(), path.shape[1])
-        for k, name in enumerate(COORDINATES[:coordinates])
-    }
-    return draw.spectrum_figure(spectra, point.design.bearing.clearance)
+    """Spectra of the first so many of :data:`COORDINATES`, and of Z."""
+    return draw.spectrum_figure(_spectra(point, coordinates), point.design.bearing.clearance)
 
 
 def strongest_lines(point: OperatingPoint) -> str:
-    """The strongest lines of X2 and Y2 in words."""
+    """The strongest lines of X2, Y2 and Z in words."""
     path, micron = point.trajectory.path, 1e6 * point.design.bearing.clearance
     told = []
-    for k, name in enumerate(COORDINATES[:2]):
-        lines = spectrum(path[..., k].ravel(), path.shape[1]).lines()
+    for name, found in _spectra(point, 2).items():
+        lines = found.lines()
         told.append(
             f"{name}: "
             + (", ".join(f"{a * micron:.3g} µm at order {o:.2f}" for o, a in lines) or "none")
@@ -169,10 +175,7 @@ def figures_of(point: OperatingPoint) -> dict[str, Callable[[], go.Figure]]:
 
 def orbit_table(point: OperatingPoint) -> pd.DataFrame:
     """The recorded orbit, a row a sample; the columns are those of ``spab simulate --orbit``."""
-    names = ["X2", "Y2", "X1", "Y1", "X2_dot", "Y2_dot", "X1_dot", "Y1_dot"]
-    table = pd.DataFrame(point.trajectory.path.reshape(-1, 8), columns=names)
-    table.insert(0, "tau", path_angle(point.trajectory))
-    return table
+    return pd.DataFrame(path_table(point.trajectory))
 
 
 def point_npz(point: OperatingPoint) -> bytes:

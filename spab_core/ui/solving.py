@@ -5,6 +5,7 @@ from __future__ import annotations
 import streamlit as st
 
 from spab_core.common.errors import InputError
+from spab_core.common.words import capital
 from spab_core.design.model import Design, reference_design
 from spab_core.maps.stability_map import StabilityMap
 from spab_core.surrogates.uncertainty import CONFIDENCE
@@ -12,7 +13,7 @@ from spab_core.trajectory import compiling
 from spab_core.trajectory.compiling import is_compiled, is_linear_compiled
 from spab_core.trajectory.point import OperatingPoint, solve_point
 from spab_core.trajectory.settings import Settings
-from spab_core.ui.own_map import cell_of, cell_words, example_of
+from spab_core.ui.own_map import cell_of, cell_words, find_example
 from spab_core.ui.shared import predicted_point, reference_map
 
 LIVE = Settings()  # those of the map, whose cells it meets
@@ -119,7 +120,10 @@ def known_words(design: Design, rotor_mass: float, bearing_number: float) -> str
     """What shipped results say of an operating point that is not solved, in Markdown."""
     head = "**Not solved yet.** "
     if design != reference_design():
-        example = example_of(design)
+        try:
+            example = find_example(design)
+        except InputError as error:
+            return f"{head}{capital(str(error))}."
         cell = cell_of(example.found[1], rotor_mass, bearing_number) if example else None
         if example:
             there = (
@@ -130,7 +134,7 @@ def known_words(design: Design, rotor_mass: float, bearing_number: float) -> str
             return f"{head}**{example.words}.** {there}"
         return (
             head + "Nothing is known of this design yet: the shipped map and its models are of the "
-            "reference bearing."
+            "example bearing."
         )
     try:
         m = reference_map()

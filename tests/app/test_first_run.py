@@ -122,7 +122,7 @@ def test_nothing_is_claimed_of_an_own_design(compiler):
     at = page("pages/1_Operating_point.py", **POINT, **OWN)
     assert known(at) == [
         "**Not solved yet.** Nothing is known of this design yet: the shipped map and its "
-        "models are of the reference bearing."
+        "models are of the example bearing."
     ]
 
 

@@ -14,7 +14,6 @@ from streamlit.testing.v1 import AppTest
 from spab_core.cli.main import _build_parser
 from spab_core.design.model import reference_design
 from spab_core.maps.margin import margin
-from spab_core.maps.solved_margin import solve_margin
 from spab_core.plotting.map import LAYERS, SURROGATE
 from spab_core.plotting.theme import CHOSEN
 from spab_core.shipped.manifest import load_reference_map
@@ -215,6 +214,7 @@ def test_wrong_values_in_the_address_are_told():
     assert at.session_state["rotor_mass"] == 4.52 and at.session_state["layer"] == "Assessment"
 
 
+@pytest.mark.slow
 def test_a_margin_solves_itself_and_is_kept():
     st.cache_resource.clear()
     at = AppTest.from_file(APP, default_timeout=240)
@@ -233,9 +233,9 @@ def test_a_margin_solves_itself_and_is_kept():
         return [x.value for x in at.markdown if "olved margin" in x.value or "looked at" in x.value]
 
     headline, words = told()
-    exact = solve_margin(*key)
-    assert headline == f"**{exact.headline()}**" and "±" in headline
-    assert all(text in words for text in exact.sentences())
+    kept = margin_panel.kept_margin(*key)
+    assert headline == f"**{kept.headline()}**" and "±" in headline
+    assert all(text in words for text in kept.sentences())
     at.run()
     assert told() == [headline, words]
     at.number_input(key="rotor_mass").set_value(5.0).run()

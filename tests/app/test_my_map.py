@@ -47,6 +47,7 @@ def words(at):
     )
 
 
+@pytest.mark.slow
 def test_a_bearing_is_mapped_its_margin_told_and_the_job_listed():
     at = opened(MAP, **SMALL, own_minutes=5.0, bearing_number=3.0, rotor_mass=6.0)
     assert not at.exception and "The map that comes with spab" in words(at)
@@ -75,6 +76,7 @@ def test_a_bearing_is_mapped_its_margin_told_and_the_job_listed():
     assert "solved (36)" in {trace.get("name") for trace in figures(at)[0]["data"]}
 
 
+@pytest.mark.slow
 def test_two_maps_are_compared():
     submit(
         "map",
@@ -180,6 +182,7 @@ def test_a_wrong_plane_is_a_sentence(key, value, told):
     assert not at.exception and told in at.error[0].value
 
 
+@pytest.mark.slow
 def test_sensitivity_of_the_margin():
     at = opened(WHAT_IF, bearing_number=3.0, rotor_mass=8.0)
     assert not at.exception and not figures(at) and at.button(key="what_job_cancel")
@@ -216,6 +219,7 @@ def test_a_run_up_lists_what_it_crosses():
     assert GRADE_MARKS["avoid"] in marks and "not recommended" in marks
 
 
+@pytest.mark.slow
 def test_two_designs_side_by_side():
     at = opened(WHAT_IF, what_tab="Two designs")
     for name in PRESETS:

@@ -92,6 +92,7 @@ def test_the_point_at_its_ends(key, low, high):
         assert not at.exception and len(verdicts(at)) == 1
 
 
+@pytest.mark.slow
 def test_every_design_value_at_its_ends():
     """Either the design is taken, or a sentence says why not and the value stays."""
     at, usual = page(), to_form(reference_design())

@@ -20,6 +20,13 @@ def tools():
     return module
 
 
+@pytest.fixture(scope="session")
+def address(chromium, tools):
+    """A server for all that needs none of its own."""
+    with tools.dashboard() as found:
+        yield found
+
+
 class Watched:
     """What the browser complains of, and asks of others, in all pages opened."""
 

@@ -1,10 +1,10 @@
-"""What a keyboard and a screen reader find: axe-core on every page, and a machine typed without a
-mouse.
+"""What a keyboard, a screen reader and a telephone find: axe-core on every page, its width, and a
+machine typed without a mouse.
 """
 
 import pytest
 
-from tests.browser.conftest import OUTPUT
+from tests.browser.conftest import OUTPUT, Watched
 
 axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-core is not there")
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -12,28 +12,40 @@ GRAVE = ("serious", "critical")
 RULES = {"resultTypes": ["violations"], "runOnly": ["wcag2a", "wcag2aa", "best-practice"]}
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_no_page_has_a_serious_finding(theme, chromium, tools):
-    found = {}
-    with tools.dashboard() as address, tools.browser_page(theme=theme) as page:
-        shown = tools.pages() if theme == "light" else {"start": "", "report": "Report"}
-        for name, place in shown.items():
-            page.goto(f"{address}/{place}")
+OVER = """() => [document.scrollingElement, document.querySelector("[data-testid='stMain']")]
+    .map(box => box.scrollWidth - box.clientWidth)"""
+
+
+@pytest.mark.parametrize(("theme", "width", "height"), [("light", 1440, 900), ("dark", 400, 800)])
+def test_no_page_has_a_serious_finding(theme, width, height, address, tools):
+    """On a desk in light, on a telephone in dark; what is wider than a page scrolls in its own
+    box, the page does not.
+    """
+    found, watched = {}, Watched(address)
+    with tools.browser_page(width, height, theme) as page:
+        watched.add(page)
+        for name, place in tools.pages().items():
+            page.goto(f"{address}/{place}?bearing_number=4.5&rotor_mass=18")
             tools.settled(page)
+            page.screenshot(path=OUTPUT / f"{theme}_{name}.png")
             assert page.locator("h1").count() == 1, name
+            assert not page.locator("[data-testid='stException']").count(), name
             # what is told by pictures is told by words as well
             assert not page.locator("img:not([alt])").count(), name
             spoken = page.locator("[data-testid=stIconMaterial]:not([aria-hidden=true])")
             assert not spoken.count(), name
+            if max(over := page.evaluate(OVER)) > 0:
+                found[f"{name}: scrolls sideways"] = over
             for v in axe.Axe().run(page, options=RULES).response["violations"]:
                 if v["impact"] in GRAVE:
                     found[f"{name}: {v['id']}"] = [node["html"][:200] for node in v["nodes"][:4]]
     assert not found, found
+    watched.check()
 
 
-def test_a_machine_is_entered_by_the_keyboard_alone(chromium, tools):
+def test_a_machine_is_entered_by_the_keyboard_alone(address, tools):
     """From the mass on, each value in the order of the page; where the keyboard is can be seen."""
-    with tools.dashboard() as address, tools.browser_page() as page:
+    with tools.browser_page() as page:
         page.goto(address)
         tools.settled(page)
         values = {

@@ -32,14 +32,14 @@ PLACES = """() => ['.st-key-map_box .spab-plot', '.st-key-map .nsewdrag',
 ASKED = "**/PlotlyChart*"
 
 
-def test_the_map_answers_before_plotly_is_there(chromium, tools):
+def test_the_map_answers_before_plotly_is_there(address, tools):
     """The plain picture stands where Plotly draws later (to three pixels), takes clicks like it,
     and gives way to it.
 
     Plotly is not sent for before the pointer rests, and its script is held back then until all is
     looked at."""
     m, held = load_reference_map(), []
-    with tools.dashboard() as address, tools.browser_page() as page:
+    with tools.browser_page() as page:
         page.goto(address)  # compiles, draws
         tools.settled(page)
         page.route(ASKED, lambda route: held.append(route))
@@ -96,11 +96,11 @@ def place_on(plot, cross, m):
     return found
 
 
-def test_plotly_comes_when_it_is_wanted_at_once(chromium, tools):
+def test_plotly_comes_when_it_is_wanted_at_once(address, tools):
     """A drag on the picture, or the wheel, is for zooming: the charts come without a pause, and the
     point stays.
     """
-    with tools.dashboard() as address, tools.browser_page() as page:
+    with tools.browser_page() as page:
         for drag in (True, False):
             page.goto(f"{address}/?bearing_number=6&rotor_mass=7")
             page.wait_for_selector("[data-answers]")
@@ -123,9 +123,9 @@ def test_plotly_comes_when_it_is_wanted_at_once(chromium, tools):
             assert "bearing_number=6&rotor_mass=7" in page.url
 
 
-def test_click_a_cell(chromium, tools):
+def test_click_a_cell(address, tools):
     m = load_reference_map()
-    with tools.dashboard() as address, tools.browser_page() as page:
+    with tools.browser_page() as page:
         watched = Watched(address)
         watched.add(page).goto(address)
         tools.settled(page)

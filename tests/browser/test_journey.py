@@ -1,4 +1,4 @@
-"""A designer's way through the pages in real Chromium, and every page on a telephone's width.
+"""A designer's way through the pages in real Chromium.
 
 Pictures go to test-output/.
 """
@@ -20,12 +20,6 @@ from tests.browser.conftest import OUTPUT, Watched
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 NUMBER, MASS = 4.5, 18.0  # in the chaotic band
-
-
-@pytest.fixture(scope="module")
-def address(chromium, tools):
-    with tools.dashboard() as found:
-        yield found
 
 
 @pytest.fixture
@@ -232,25 +226,3 @@ def test_a_click_on_my_map_tells_the_margin_of_the_cell(own_page, tools):
         assert time.monotonic() < end
         page.wait_for_timeout(100)
     page.screenshot(path=OUTPUT / "my_map.png")
-
-
-def test_every_page_on_a_narrow_screen(address, tools):
-    """At 400 px no page scrolls sideways: what is wider scrolls in its own box."""
-    watched, wide = Watched(address), {}
-    with tools.browser_page(400, 800) as page:
-        watched.add(page)
-        for name, place in tools.pages().items():
-            page.goto(f"{address}/{place}?bearing_number={NUMBER:g}&rotor_mass={MASS:g}")
-            tools.settled(page)
-            page.screenshot(path=OUTPUT / f"narrow_{name}.png")
-            assert (
-                "Traceback" not in page.inner_text("body")
-                and not page.locator("[data-testid='stException']").count()
-            )
-            over = page.evaluate("""() => [
-                document.scrollingElement, document.querySelector("[data-testid='stMain']")]
-                .map(box => box.scrollWidth - box.clientWidth)""")
-            if max(over) > 0:
-                wide[name] = over
-    assert not wide, wide
-    watched.check()

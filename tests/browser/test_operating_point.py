@@ -12,8 +12,8 @@ from tests.browser.conftest import OUTPUT, Watched
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 
-def test_the_operating_point(chromium, tools):
-    with tools.dashboard() as address, tools.browser_page() as page:
+def test_the_operating_point(address, tools):
+    with tools.browser_page() as page:
         watched = Watched(address)
         watched.add(page).goto(address)
         tools.settled(page)
@@ -35,7 +35,7 @@ def test_the_operating_point(chromium, tools):
             page.get_by_role("tab", name=name).click()
             page.wait_for_selector("[data-testid=stTabs] .js-plotly-plot .main-svg", timeout=60_000)
             page.wait_for_selector("[data-testid=stStatusWidget]", state="detached", timeout=60_000)
-            page.wait_for_timeout(1500)
+            page.wait_for_timeout(500)
             page.screenshot(
                 path=OUTPUT / f"point_{name.replace(' ', '_').lower()}.png", timeout=120_000
             )

@@ -21,12 +21,14 @@ from spab_core.linear_theory.equilibrium import (
 )
 from spab_core.linear_theory.spectrum import eigenvalues
 from spab_core.linear_theory.summary import derive
+from spab_core.reporting.datasets import point_dataset
 from spab_core.solver.axial import PLACE, SPEED
 from spab_core.solver.film import Mesh, gas_size, least_gap
 from spab_core.solver.slope import slope_and_jacobian
 from spab_core.solver.stepping import Options, advance, build_memory, build_record
 from spab_core.trajectory.point_file import load_point, save_point
 from spab_core.trajectory.revolution import integrate_revolution, surface
+from spab_core.trajectory.run import path_table
 from spab_core.trajectory.starts import whirling_start
 from tests.conftest import fed_design
 
@@ -125,6 +127,7 @@ def test_a_journal_that_nothing_holds_along_the_axis_is_not_called_stable():
     assert not found.leading[1].stable and "Stable at rest" not in found.verdict()
 
 
+@pytest.mark.slow
 def test_motion_across_is_as_with_a_journal_that_is_held():
     """By symmetry: without a load along the axis Z stays where it is, and the orbit and what
     disturbs it across do not know of it; the exponent is that of the slower of both.
@@ -159,7 +162,9 @@ def test_a_run_under_load_comes_to_the_static_position(tmp_path):
     the thinnest film is where that of both displacements is.
     """
     design = FED.replace(rotor__axial_load=120.0, rotor__unbalance_eccentricity=1e-7)
-    point = solve_point(design, 4.0, 3.0, Settings(transient=60, revolutions=60))
+    point = solve_point(
+        design, 4.0, 3.0, Settings(transient=60, revolutions=60), path_revolutions=2
+    )
     offset = axial_position(design, 4.0, 3.0)
     assert point.regime.text == "periodic-1"
     low, high = point.axial_range
@@ -170,8 +175,19 @@ def test_a_run_under_load_comes_to_the_static_position(tmp_path):
     record = point.record()
     assert (record["axial_least"], record["axial_largest"]) == (low, high)
     assert "Along the axis it moves" in point.verdict()
+    # what is recorded along the axis is that motion
+    z, speed = point.trajectory.axial_path[-1].T
+    assert np.ptp(z) == pytest.approx(np.ptp(point.trajectory.axial[-1, 2:]), rel=0.01)
+    slope = np.gradient(z, 2.0 * math.pi / len(z))[1:-1]
+    np.testing.assert_allclose(speed[1:-1], slope, atol=5e-3 * abs(speed).max())
+    columns = path_table(point.trajectory)
+    assert [*columns][-2:] == ["Z", "Z_dot"] and columns["Z"].shape == columns["tau"].shape
+    arrays = point_dataset(point).variables
+    np.testing.assert_array_equal(arrays["axial_path"].values[..., 0].ravel(), columns["Z"])
     save_point(point, tmp_path / "point.npz")
-    assert load_point(tmp_path / "point.npz").axial_range == (low, high)
+    again = load_point(tmp_path / "point.npz")
+    assert again.axial_range == (low, high)
+    np.testing.assert_array_equal(again.trajectory.axial_path, point.trajectory.axial_path)
     r = integrate_revolution(point, samples=2)
     s = surface(r, every=1, azimuths=72, latitudes=41)
     least = design.bearing.clearance * s.thickness[0].min()
@@ -206,3 +222,30 @@ def test_what_cannot_move_along_the_axis_is_refused():
         FED.replace(bearing__shape="cylinder", bearing__length=0.06)
     with pytest.raises(DesignError, match=r"method = dtm holds the journal along the axis"):
         solve_point(FED, 4.0, 3.0, Settings("2x16", method="dtm"))
+
+
+def test_unbalance_drives_a_vibration_along_the_axis_under_an_axial_load():
+    """At its frequency the amplitude in time is a half to the whole of what the shape and the
+    damping allow, off it a fraction; that is a resonance. Without an axial load nothing couples.
+    """
+    design = preset("fed_spindle").design.replace(
+        bearing__porosity=0.0,
+        rotor__axial_motion=True,
+        rotor__axial_load=150.0,
+        rotor__unbalance_eccentricity=2e-7,
+    )
+    unit = design.rotor.unbalance_eccentricity / design.bearing.clearance
+    settings = Settings("3x16", transient=100, revolutions=20)
+    on = 2.0 * derive(design, 4.0, 2.0).axial_modes[0].ratio
+    swings = []
+    for number in (0.8 * on, on):
+        point = solve_point(design, 4.0, number, settings)
+        swings.append(0.5 * np.ptp(point.trajectory.axial[-1, 2:]) / unit)
+    mode = point.rest.axial_modes[0]
+    assert mode.ratio == pytest.approx(1.0, abs=0.01)
+    assert 0.5 * mode.axial_amplification < swings[1] < mode.axial_amplification
+    assert swings[0] < 0.3 * swings[1]
+    (reason,) = [r for r in point.assessment().reasons if r.startswith("resonance")]
+    assert reason.startswith("resonance: a vibration along the axis at")
+    free = derive(design.replace(rotor__axial_load=0.0), 4.0, on)
+    assert free.axial_modes and all(m.axial_amplification < 1e-6 for m in free.axial_modes)

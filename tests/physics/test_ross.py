@@ -9,6 +9,8 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -36,45 +38,53 @@ IN_ROSS = """
 import json, sys
 import numpy as np
 import ross as rs
-j = json.load(sys.stdin)
 length, young = 0.5, 2.1e11
-diameter = (64.0 * (2.0 * j["shaft"] * length**3 / 48.0 / young) / np.pi) ** 0.25
-steel = rs.Material(name="massless", rho=1e-3, E=young, G_s=8e10)
-simple = dict.fromkeys(("shear_effects", "rotary_inertia", "gyroscopic"), False)
-beam = [rs.ShaftElement(length / 2, 0.0, diameter, material=steel, **simple) for _ in range(2)]
-disc, journal = (1.0 - j["share"]) * j["mass"], j["share"] * j["mass"]
-inertia = 2.5e-6 * j["mass"]
-discs = [rs.DiskElement(n, m, inertia, 2.0 * inertia)
-         for n, m in ((0, journal), (1, 2.0 * disc), (2, journal))]
-if j["file"].endswith(".xlsx"):
-    bearings = [rs.BearingElement.from_table(n=n, file=j["file"]) for n in (0, 2)]
-else:
-    with open(j["file"]) as file:
-        table = json.load(file)["BearingElement_spab"]
-    bearings = [rs.BearingElement(**{**table, "n": n}) for n in (0, 2)]
-    loaded = rs.BearingElement.load(j["file"])
-    assert loaded.kxx == bearings[0].kxx and loaded.n == 0
-rotor = rs.Rotor(beam, discs, bearings)
-modal = [rotor.run_modal(v, num_modes=j["modes"], sparse=False, matched_whirl=j["matched"])
-         for v in j["speeds"]]
-nearest = []
-for speed, roots in zip(j["speeds"], j["roots"]):
-    for root in roots:
-        wanted = found = complex(*root)
-        for _ in range(40):
-            values = np.linalg.eigvals(rotor.A(speed, frequency=found.imag))
-            found = values[np.argmin(abs(values - wanted))]
-        nearest.append([found.real, found.imag])
-print("RESULT", json.dumps({
-    "nearest": nearest,
-    "version": rs.__version__, "kind": bearings[0].kxx_interpolated.kind,
-    "kxx": np.asarray(bearings[0].kxx).tolist(),
-    "wd": [m.wd.tolist() for m in modal], "decrement": [m.log_dec.tolist() for m in modal]}))
+
+def answer(j):
+    diameter = (64.0 * (2.0 * j["shaft"] * length**3 / 48.0 / young) / np.pi) ** 0.25
+    steel = rs.Material(name="massless", rho=1e-3, E=young, G_s=8e10)
+    simple = dict.fromkeys(("shear_effects", "rotary_inertia", "gyroscopic"), False)
+    beam = [rs.ShaftElement(length / 2, 0.0, diameter, material=steel, **simple)
+            for _ in range(2)]
+    disc, journal = (1.0 - j["share"]) * j["mass"], j["share"] * j["mass"]
+    inertia = 2.5e-6 * j["mass"]
+    discs = [rs.DiskElement(n, m, inertia, 2.0 * inertia)
+             for n, m in ((0, journal), (1, 2.0 * disc), (2, journal))]
+    if j["file"].endswith(".xlsx"):
+        bearings = [rs.BearingElement.from_table(n=n, file=j["file"]) for n in (0, 2)]
+    else:
+        with open(j["file"]) as file:
+            table = json.load(file)["BearingElement_spab"]
+        bearings = [rs.BearingElement(**{**table, "n": n}) for n in (0, 2)]
+        loaded = rs.BearingElement.load(j["file"])
+        assert loaded.kxx == bearings[0].kxx and loaded.n == 0
+    rotor = rs.Rotor(beam, discs, bearings)
+    modal = [rotor.run_modal(v, num_modes=j["modes"], sparse=False, matched_whirl=j["matched"])
+             for v in j["speeds"]]
+    nearest = []
+    for speed, roots in zip(j["speeds"], j["roots"]):
+        for root in roots:
+            wanted = found = complex(*root)
+            for _ in range(40):
+                values = np.linalg.eigvals(rotor.A(speed, frequency=found.imag))
+                found = values[np.argmin(abs(values - wanted))]
+            nearest.append([found.real, found.imag])
+    return {
+        "nearest": nearest,
+        "version": rs.__version__, "kind": bearings[0].kxx_interpolated.kind,
+        "kxx": np.asarray(bearings[0].kxx).tolist(),
+        "wd": [m.wd.tolist() for m in modal], "decrement": [m.log_dec.tolist() for m in modal]}
+
+for line in sys.stdin:
+    print("RESULT", json.dumps(answer(json.loads(line))), flush=True)
 """
 
 
 @pytest.fixture(scope="module")
-def python_with_ross():
+def ross(tmp_path_factory):
+    """A process that has imported ROSS (some eight seconds): a job a line in, an answer a line
+    out.
+    """
     named = os.environ.get("SPAB_ROSS_PYTHON")
     if named is None and importlib.util.find_spec("ross") is None:
         missing = (
@@ -82,10 +92,23 @@ def python_with_ross():
             "other Python"
         )
         (pytest.fail if os.environ.get("SPAB_REQUIRE_ROSS") else pytest.skip)(missing)
-    return named or sys.executable
+    folder = tmp_path_factory.mktemp("ross")
+    with (
+        (folder / "errors.txt").open("w+") as errors,
+        subprocess.Popen(
+            [named or sys.executable, "-c", IN_ROSS],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            text=True,
+            cwd=folder,
+        ) as process,
+    ):
+        yield SimpleNamespace(process=process, errors=Path(errors.name))
+        process.stdin.close()
 
 
-def in_ross(python, path, design, mass, speeds, matched, roots=()):
+def in_ross(ross, path, design, mass, speeds, matched, roots=()):
     """Modes in ROSS of the rotor on the table in a file: its answer, and an array of rad/s and
     logarithmic decrement a speed; ``roots``: a list of complex a speed, in 1/s.
     """
@@ -99,17 +122,14 @@ def in_ross(python, path, design, mass, speeds, matched, roots=()):
         "modes": 12,
         "roots": [[[v.real, v.imag] for v in row] for row in roots],
     }
-    done = subprocess.run(
-        [python, "-c", IN_ROSS],
-        input=json.dumps(job),
-        capture_output=True,
-        text=True,
-        timeout=900,
-        check=False,
-        cwd=path.parent,
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
-    answer = json.loads(done.stdout.split("RESULT", 1)[1])
+    ross.process.stdin.write(json.dumps(job) + "\n")
+    ross.process.stdin.flush()
+    for line in ross.process.stdout:  # ROSS prints words of its own too
+        if line.startswith("RESULT"):
+            break
+    else:
+        pytest.fail(ross.errors.read_text()[-2000:])
+    answer = json.loads(line.removeprefix("RESULT"))
     assert int(answer["version"].split(".")[0]) >= 3
     return answer, [np.array(v) for v in zip(answer["wd"], answer["decrement"], strict=True)]
 
@@ -139,7 +159,7 @@ CASES = {
 @pytest.mark.parametrize(
     ("name", "form"), [*((name, ".json") for name in CASES), ("fed_spindle", ".xlsx")]
 )
-def test_the_whirl_of_the_film_in_ross_is_ours(name, form, python_with_ross, tmp_path):
+def test_the_whirl_of_the_film_in_ross_is_ours(name, form, ross, tmp_path):
     """From an eighth of the limit of stability to past it, at the ends of the table and between its
     speeds: frequency and logarithmic decrement of the film's whirl to 2 % (5 % were asked for), its
     limit of stability to 0.2 %. In the table over speed and frequency the other modes of the rotor
@@ -167,7 +187,7 @@ def test_the_whirl_of_the_film_in_ross_is_ours(name, form, python_with_ross, tmp
         else []
         for speed, (_, every, followed) in zip(speeds, ours, strict=True)
     ]
-    answer, modes = in_ross(python_with_ross, path, design, mass, speeds, grid, roots)
+    answer, modes = in_ross(ross, path, design, mass, speeds, grid, roots)
     assert answer["kind"] == ("grid" if grid else "speed")
     np.testing.assert_allclose(np.ravel(answer["kxx"]), found.column("kxx"), rtol=1e-12)
     decrements = []
@@ -192,7 +212,7 @@ def test_the_whirl_of_the_film_in_ross_is_ours(name, form, python_with_ross, tmp
 
 
 @pytest.mark.slow
-def test_a_table_over_frequency_is_one_in_ross(python_with_ross, tmp_path):
+def test_a_table_over_frequency_is_one_in_ross(ross, tmp_path):
     """At the threshold of whirl, at one speed: ROSS takes it for a table over frequency, and finds
     the whirl there, neither growing nor decaying.
     """
@@ -202,7 +222,7 @@ def test_a_table_over_frequency_is_one_in_ross(python_with_ross, tmp_path):
     found = coefficients_over_whirl(design, mass, number, np.linspace(0.0, 4.0, 81), MESH)
     path = tmp_path / "frequency.json"
     save_table(found, str(path))
-    answer, ((wd, decrement),) = in_ross(python_with_ross, path, design, mass, [speed], True)
+    answer, ((wd, decrement),) = in_ross(ross, path, design, mass, [speed], True)
     assert answer["kind"] == "frequency"
     k = np.argmin(abs(wd / speed - threshold.whirl_ratio) + abs(decrement))
     assert wd[k] / speed == pytest.approx(threshold.whirl_ratio, rel=1e-3)

@@ -142,11 +142,11 @@ def _mode(ratio, amplification, forward=True):
 def test_separation_margin_is_that_of_the_standard():
     """API 617: AF 2.5 asks for nothing below the speed and 10 % above it."""
     assert _mode(0.9, 8.0).amplification == pytest.approx(8.0)
-    assert separation_margin(_mode(0.9, 2.4)) == 0.0
-    assert separation_margin(_mode(0.9, 2.5000001)) == pytest.approx(0.0, abs=1e-6)
-    assert separation_margin(_mode(1.1, 2.5000001)) == pytest.approx(0.1, abs=1e-6)
-    assert separation_margin(_mode(0.9, 8.0)) == pytest.approx(0.17 * (1.0 - 1.0 / 6.5))
-    assert separation_margin(_mode(1.1, 8.0)) == pytest.approx(0.10 + 0.17 * (1.0 - 1.0 / 6.5))
+    assert separation_margin(0.9, 2.4) == 0.0
+    assert separation_margin(0.9, 2.5000001) == pytest.approx(0.0, abs=1e-6)
+    assert separation_margin(1.1, 2.5000001) == pytest.approx(0.1, abs=1e-6)
+    assert separation_margin(0.9, 8.0) == pytest.approx(0.17 * (1.0 - 1.0 / 6.5))
+    assert separation_margin(1.1, 8.0) == pytest.approx(0.10 + 0.17 * (1.0 - 1.0 / 6.5))
 
 
 @pytest.mark.parametrize(
