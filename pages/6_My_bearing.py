@@ -6,6 +6,7 @@ import pandas as pd
 import streamlit as st
 
 from spab_core.linear_theory.coefficients import FILM_WHIRL, NAMES, Coefficients
+from spab_core.linear_theory.ross_table import coefficient_warnings
 from spab_core.linear_theory.summary import Derived
 from spab_core.plotting.bearing import coefficient_figure, load_figure
 from spab_core.trajectory.assessment import assess
@@ -181,17 +182,16 @@ with right:
             )
         if against == AGAINST[0]:
             with errors_in_words():
-                figure = coefficient_figure(
-                    over_whirl(design, mass, number),
-                    "frequency",
-                    found.whirl.ratio if found.whirl else None,
-                )
+                table = over_whirl(design, mass, number)
+                dotted = found.whirl.ratio if found.whirl else None
+                figure = coefficient_figure(table, "frequency", dotted)
         else:
             with st.spinner("Linearising at 26 speeds …"), errors_in_words():
-                figure = coefficient_figure(
-                    over_speed(design, mass, number, FILM_WHIRL), "speed", found.speed_rpm
-                )
+                table = over_speed(design, mass, number, FILM_WHIRL)
+                figure = coefficient_figure(table, "speed", found.speed_rpm)
         st.plotly_chart(figure, key="coefficients", width="stretch")
+        for words in coefficient_warnings(table):
+            st.warning(words)
         st.caption(
             "Dotted, if in range: the rotor's least stable whirl. 1: synchronous."
             if against == AGAINST[0]

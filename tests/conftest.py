@@ -13,6 +13,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
+from xdist.scheduler import LoadFileScheduling
 
 from spab_core.design.model import reference_design
 from spab_core.design.presets import preset
@@ -31,9 +32,25 @@ def pytest_configure(config):
         compile_once()
 
 
+def pytest_xdist_make_scheduler(config, log):
+    """Give out files, those of the browser as if they were one: two browsers at once wait for each
+    other's servers, one waits for itself while another worker computes.
+    """
+
+    class ByFile(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            return BROWSER if nodeid.startswith(BROWSER) else super()._split_scope(nodeid)
+
+    return ByFile(config, log)
+
+
+BROWSER = "tests/browser/"
 LONG = (
-    "browser/",
+    BROWSER,
     "test_controls",
+    "test_ross",
+    "test_axial_motion",
+    "test_home",
     "test_faults",
     "test_wheel",
     "test_jobs",

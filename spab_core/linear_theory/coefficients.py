@@ -69,6 +69,8 @@ class Coefficients:
         The film's whirl at the speed of each row where the rows follow it, else empty.
     missing : tuple of float
         Shaft speeds in rad/s that were asked for and have no static equilibrium.
+    held : bool
+        Whether the journal, which moves along the axis in the design, is held there in these.
     """
 
     axis: str
@@ -80,6 +82,7 @@ class Coefficients:
     contact_load_share: np.ndarray
     modes: tuple[Mode, ...] = ()
     missing: tuple[float, ...] = ()
+    held: bool = False
 
     @property
     def whirl_ratio(self) -> np.ndarray:
@@ -105,7 +108,8 @@ def _join(
         )
     names = ("speed", "whirl_frequency", "growth", "stiffness", "damping", "contact_load_share")
     columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-    return Coefficients(axis, **columns, modes=tuple(modes), missing=tuple(missing))
+    held = any(part.held for part in parts)
+    return Coefficients(axis, **columns, modes=tuple(modes), missing=tuple(missing), held=held)
 
 
 @one_thread
@@ -142,6 +146,7 @@ def coefficients(
         pairs[:, 0] * unit,
         pairs[:, 1] * unit / speed,
         np.full(len(ratios), at.contact_load_share),
+        held=at.design.rotor.axial_motion,
     )
 
 

@@ -114,6 +114,12 @@ def coefficient_warnings(found: Coefficients) -> list[str]:
             f"Fewer than {LEAST_POINTS} speeds: programs that interpolate, ROSS among them, want "
             "more."
         )
+    if found.held:
+        warnings.append(
+            "The journal is held along the axis here, and the design lets it move "
+            "(rotor.axial_motion): vibrations along the axis, and how they couple with motion "
+            "across under an axial load, are not in the table."
+        )
     names = sorted({mode.name for mode in found.modes})
     if names not in ([], [FILM_MODE]):
         warnings.append(f"The mode followed is no {FILM_MODE} at all speeds: {', '.join(names)}.")

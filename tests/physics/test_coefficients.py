@@ -17,6 +17,7 @@ from spab_core.linear_theory.coefficients import (
     coefficients,
     coefficients_over_speed,
     coefficients_over_speed_and_frequency,
+    coefficients_over_whirl,
 )
 from spab_core.linear_theory.equilibrium import concentric_stiffness
 from spab_core.linear_theory.film_whirl import film_whirl
@@ -445,3 +446,11 @@ def test_one_sign_of_the_cross_stiffness(design, capsys):
     centred = coefficients(impedance(design.replace(rotor__gravity=0.0), 1.0, 3.45, MESH), [0.0])
     assert told["kyx_n_per_m"] == pytest.approx(centred.column("kyx")[0], rel=1e-6)
     assert told["kyx_n_per_m"] < 0.0 < centred.column("kxy")[0]
+
+
+def test_a_table_says_that_it_holds_the_journal_along_the_axis(design):
+    moving = design.replace(rotor__axial_motion=True)
+    held, free = (coefficients_over_whirl(d, 4.5, 3.0, [0.5, 1.0], MESH) for d in (moving, design))
+    np.testing.assert_array_equal(held.stiffness, free.stiffness)
+    (warning,) = coefficient_warnings(held)
+    assert "held along the axis" in warning and coefficient_warnings(free) == []
