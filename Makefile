@@ -14,9 +14,11 @@ endif
 SOLVING := tests/physics $(addprefix tests/unit/test_,kernels.py simulate.py map_engine.py bifurcation.py floquet.py spectrum.py \
   determinism.py threads.py quick_map.py what_if.py margin.py export.py cli.py) \
   $(addprefix tests/app/test_,operating_point.py bifurcation.py home.py my_bearing.py surrogates.py my_map.py)
-# what can come out otherwise on another Python or other versions: besides, what stores, reads, counts, imports and starts processes
-STORING := $(addprefix tests/unit/test_,memory.py dependencies.py design.py form.py artifacts.py pretrained.py no_code.py surrogates.py \
-  jobs.py cli_design.py cli_models.py regimes.py refine.py lines.py features.py) $(addprefix tests/app/test_,about.py view.py jobs.py)
+# what can come out otherwise on another Python and, of what solves, on another processor: besides all physics what stores, reads,
+# counts, imports and starts processes
+STORING := tests/physics $(addprefix tests/unit/test_,kernels.py simulate.py determinism.py threads.py memory.py dependencies.py design.py \
+  form.py artifacts.py pretrained.py no_code.py surrogates.py jobs.py cli.py cli_design.py cli_models.py export.py regimes.py refine.py \
+  lines.py features.py source_hash.py) $(addprefix tests/app/test_,about.py view.py jobs.py my_bearing.py operating_point.py)
 OLDEST := $(addprefix tests/unit/test_,design.py form.py export.py simulate.py map_engine.py surrogates.py) \
   $(addprefix tests/physics/test_,film.py integrators.py) $(addprefix tests/app/test_,about.py view.py home.py my_bearing.py)
 
@@ -50,10 +52,10 @@ test-foreign: $(VENV)/.ready
 	$(FOREIGN) $(BIN)/python -m tests.kernels
 	$(FOREIGN) $(BIN)/python -m pytest $(SOLVING)
 
-# the same and what can depend on Python, without what takes more than a few seconds: make test-python PYTHON=python3.13 VENV=.venv-newest
+# without what takes more than a few seconds: make test-python PYTHON=python3.13 VENV=.venv-newest
 test-python: $(VENV)/.ready
 	$(FOREIGN) $(BIN)/python -m tests.kernels
-	$(FOREIGN) $(BIN)/python -m pytest -m "not slow" $(SOLVING) $(STORING)
+	$(FOREIGN) $(BIN)/python -m pytest -m "not slow" $(STORING)
 
 compiled: $(VENV)/.ready
 	$(FOREIGN) $(BIN)/python $(COMPILE)

@@ -130,8 +130,8 @@ def test_an_own_design_is_never_drawn_on_the_map_of_the_example(name, monkeypatc
     def shown(*_, **__):
         raise AssertionError("the example's map is asked for")
 
-    for drawing in ("reference_map", "marked_map_figure", "map_picture"):
-        monkeypatch.setattr(shared, drawing, shown)
+    st.cache_resource.clear()
+    monkeypatch.setattr(shared, "load_reference_map", shown)  # what every page gets it by
     path = next((ROOT / "pages").glob(f"*_{name}.py"))
     at = AppTest.from_file(str(path), default_timeout=120)
     at.query_params["bearing.clearance"] = "3e-05"

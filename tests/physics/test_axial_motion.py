@@ -85,7 +85,7 @@ def test_a_kick_along_the_axis_rings_as_the_eigenvalue_tells(design, load, mass,
     where the wall's pores store gas (pneumatic hammer along the axis), by Prony's method: two
     samples tell the next.
     """
-    design, mesh = design.replace(**STILL | {"rotor__axial_load": load}), Mesh(3, 8)
+    design, mesh = design.replace(**STILL | {"rotor__axial_load": load}), Mesh(3, 16)
     system = resting_system(design, mass, number, mesh)
     state = find_equilibrium(system).state
     assert state[-8] * load >= 0.0 and (abs(state[-8]) > 0.5) == (load > 0.0)
@@ -108,11 +108,11 @@ def test_where_the_film_does_not_hold_the_journal_it_drifts_off():
     time alike.
     """
     design = fed_design(30, 0.5, 0.2).replace(**STILL)
-    system = resting_system(design, 4.0, 3.0, Mesh(3, 8))
+    system = resting_system(design, 4.0, 3.0, Mesh(3, 16))
     state = find_equilibrium(system).state
-    drift = derive(design, 4.0, 3.0, Mesh(3, 8))
+    drift = derive(design, 4.0, 3.0, Mesh(3, 16))
     assert drift.axial.ratio == 0.0 and not drift.axial.stable
-    z = _along(design, 4.0, 3.0, Mesh(3, 8), state, 4)
+    z = _along(design, 4.0, 3.0, Mesh(3, 16), state, 4)
     rates = np.log(z[48:] / z[47:-1]) * 16.0
     assert rates[-1] == pytest.approx(drift.axial.growth, rel=5e-3)
     worst = drift.whirl if drift.whirl.growth > drift.axial.growth else drift.axial
@@ -122,7 +122,7 @@ def test_where_the_film_does_not_hold_the_journal_it_drifts_off():
 def test_a_journal_that_nothing_holds_along_the_axis_is_not_called_stable():
     """Self-acting, concentric and without weight: ambient pressure everywhere, at any Z."""
     design = reference_design().replace(**STILL, bearing__supply_pressure_ratio=1.0)
-    found = derive(design, 1.0, 0.5, Mesh(3, 8))
+    found = derive(design, 1.0, 0.5, Mesh(3, 16))
     assert found.status == "ok" and found.axial.growth == 0.0 and not found.axial.stable
     assert not found.leading[1].stable and "Stable at rest" not in found.verdict()
 
