@@ -21,6 +21,7 @@ from spab_core.solver.film import Mesh, build_film, gas_size
 from spab_core.solver.rotor import build_rotor
 from spab_core.solver.stepping import Options, advance, build_memory, build_record
 from spab_core.solver.system import System
+from spab_core.trajectory import compiling
 from spab_core.trajectory.compiling import compile_once
 
 SMALL = Mesh(3, 24)
@@ -79,6 +80,7 @@ def own_folders(tmp_path_factory):
         patch.setenv("SPAB_JOBS", str(tmp_path_factory.mktemp("work") / "jobs"))
         # servers and pages of tests compile what the tests use, nothing ahead of it
         patch.setenv("SPAB_COMPILE_AHEAD", "usual")
+        patch.setattr(compiling, "_decided", True)
         yield
 
 
