@@ -127,7 +127,7 @@ def spread_figure(study: ToleranceStudy, column: str) -> go.Figure:
         figure.add_vline(
             x=own,
             line={"color": NEUTRAL, "dash": "dash"},
-            annotation={"text": "as drawn", "font": {"color": NEUTRAL}},
+            annotation={"text": "as drawn", "font": {"color": NEUTRAL}, "yanchor": "bottom"},
         )
     return figure.update_layout(
         barmode="stack",

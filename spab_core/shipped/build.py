@@ -87,7 +87,7 @@ TABLES: dict[str, tuple[tuple[str, ...] | None, dict[str, Any]]] = {
     CLASSIFIERS: (tuple(LABELS), {}),
     BLOCK_CLASSIFIERS: (tuple(LABELS), {"split": "blocks"}),
 }
-CLASSIFIER_SEEDS = 5  # at most: a training with its scores takes a second of processor
+CLASSIFIER_SEEDS = 10  # at most: a training with its scores takes a second of processor
 ALWAYS = (
     ("forest", 8),
     DEFAULT,
