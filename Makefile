@@ -52,7 +52,7 @@ test-foreign: $(VENV)/.ready
 	$(FOREIGN) $(BIN)/python -m tests.kernels
 	$(FOREIGN) $(BIN)/python -m pytest $(SOLVING)
 
-# without what takes more than a few seconds: make test-python PYTHON=python3.13 VENV=.venv-newest
+# on another Python, without what takes more than a few seconds: make test-python PYTHON=python3.13 VENV=.venv-newest
 test-python: $(VENV)/.ready
 	$(FOREIGN) $(BIN)/python -m tests.kernels
 	$(FOREIGN) $(BIN)/python -m pytest -m "not slow" $(STORING)

@@ -62,7 +62,10 @@ RAW = {
     "worst_grade": GRADES[:2],
 }  # shown otherwise
 BAR = ("rotor_mass", "rpm", "bearing_number", "supply", "name")  # one bar, the same on all pages
-BARS = ("Operating_point",)  # where it is tried, with short runs
+BARS = (
+    "Stability_map",
+    "Operating_point",
+)  # where it is tried: a page of a map, and one that solves
 FINE = ("4x48", "6x64")  # meshes whose kernels nothing else here compiles
 FREE = ("name", "project", "author")  # any text is a good one
 # views whose files come with the result of a job that nobody has asked for yet

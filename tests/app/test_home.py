@@ -14,6 +14,7 @@ from streamlit.testing.v1 import AppTest
 from spab_core.cli.main import _build_parser
 from spab_core.design.model import reference_design
 from spab_core.maps.margin import margin
+from spab_core.maps.solved_margin import solve_margin
 from spab_core.plotting.map import LAYERS, SURROGATE
 from spab_core.plotting.theme import CHOSEN
 from spab_core.shipped.manifest import load_reference_map
@@ -233,9 +234,9 @@ def test_a_margin_solves_itself_and_is_kept():
         return [x.value for x in at.markdown if "olved margin" in x.value or "looked at" in x.value]
 
     headline, words = told()
-    kept = margin_panel.kept_margin(*key)
-    assert headline == f"**{kept.headline()}**" and "±" in headline
-    assert all(text in words for text in kept.sentences())
+    exact = solve_margin(*key)
+    assert headline == f"**{exact.headline()}**" and "±" in headline
+    assert all(text in words for text in exact.sentences())
     at.run()
     assert told() == [headline, words]
     at.number_input(key="rotor_mass").set_value(5.0).run()

@@ -9,6 +9,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -122,13 +123,14 @@ def in_ross(ross, path, design, mass, speeds, matched, roots=()):
         "modes": 12,
         "roots": [[[v.real, v.imag] for v in row] for row in roots],
     }
+    ended = threading.Timer(900.0, ross.process.kill)
+    ended.start()
     ross.process.stdin.write(json.dumps(job) + "\n")
     ross.process.stdin.flush()
-    for line in ross.process.stdout:  # ROSS prints words of its own too
-        if line.startswith("RESULT"):
-            break
-    else:
-        pytest.fail(ross.errors.read_text()[-2000:])
+    # ROSS prints words of its own too
+    line = next((text for text in ross.process.stdout if text.startswith("RESULT")), None)
+    ended.cancel()
+    assert line is not None, ross.errors.read_text()[-2000:]
     answer = json.loads(line.removeprefix("RESULT"))
     assert int(answer["version"].split(".")[0]) >= 3
     return answer, [np.array(v) for v in zip(answer["wd"], answer["decrement"], strict=True)]
