@@ -3,6 +3,10 @@ VENV ?= .venv
 LOCK ?= requirements.lock
 CPU ?= x86-64-v2
 BIN := $(VENV)/bin
+# uv, where it is installed, takes seconds for what takes pip the better part of a minute
+UV ?= $(shell command -v uv)
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+INSTALL = $(if $(UV),$(UV) pip install --quiet --python $(BIN)/python $(1) || )$(PIP) $(1)
 # a Python that is asked for by name (make test PYTHON=python3.13) is the one of .venv: built again where it is another
 ifneq ($(origin PYTHON),file)
   VERSION := import platform; print(platform.python_version())
@@ -147,16 +151,16 @@ docs: $(VENV)/.docs
 	@echo "The docs site is in site/; to read it: $(BIN)/python -m http.server --directory site 8000"
 
 $(VENV)/.docs: $(VENV)/.ready requirements-docs.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-docs.lock
+	$(call INSTALL,-r requirements-docs.lock)
 	touch $@
 
 $(VENV)/.ready: pyproject.toml $(LOCK) $(ANOTHER)
 	$(PYTHON) -c "import sys; sys.exit(0 if sys.version_info >= (3, 11) else 'spab needs Python 3.11 or newer')"
 	$(PYTHON) -m venv --clear $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r $(LOCK)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
+	$(call INSTALL,-r $(LOCK))
+	$(call INSTALL,--no-deps --editable .)
 	touch $@
 
 clean:
-	rm -rf .venv .venv-oldest .venv-newest .ross build site *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .venv-oldest .venv-newest .ross .uv build site *.egg-info .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -33,7 +33,7 @@ USUAL = 220  # points of a margin, for its progress
 NEAR, NEAR_POINTS, NEAR_PRECISION = (0.8, 1.25), 2, 0.01
 _KEPT = 64
 _DELAY = 0.6  # seconds from the first sight of a point: who clicks on wants another one
-_LEFT = 20.0  # seconds without a page that looks at it, after which it is given up
+_LEFT = 8.0  # seconds without a page that looks at it, after which it is given up
 _EVERY = 0.5  # seconds between two looks
 _THREADS = min(2, os.cpu_count() or 1)
 _LOOKED_AT = "_margin"  # the margin that the session looks at
@@ -77,8 +77,11 @@ class _Run(futures.Executor):
 
     def _solve(self, key: _Key, keep: Callable[[SolvedMargin], None]) -> None:
         step_back()
-        time.sleep(_DELAY)
+        begin = time.monotonic() + _DELAY
         try:
+            while time.monotonic() < begin:
+                self._check()
+                time.sleep(0.1)
             self.near = solve_margin(
                 *key,
                 LIVE,

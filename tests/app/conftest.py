@@ -1,19 +1,38 @@
 """What tests of pages share: the address, background jobs of one test."""
 
+import functools
 import json
 import time
 
 import pytest
 import streamlit as st
+from streamlit.components.v2 import manifest_scanner
 
 from spab_core.jobs.store import cancel, list_jobs
 from spab_core.trajectory.compiling import compile_once
+from spab_core.ui import margin
 
 
 @pytest.fixture(scope="session", autouse=True)
 def kernels():
     """Compiled, or pages would only tell what is known without."""
     compile_once()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def packages():
+    """AppTest reads what every package installed says of itself, at each new page: once will do."""
+    with pytest.MonkeyPatch.context() as patch:
+        scan = functools.cache(manifest_scanner.scan_component_manifests)
+        patch.setattr(manifest_scanner, "scan_component_manifests", scan)
+        yield
+
+
+@pytest.fixture(autouse=True)
+def no_margin_unasked(request, monkeypatch):
+    """Pages do not solve margins beside the tests, but for those that wait for one."""
+    if not request.node.get_closest_marker("margin"):
+        monkeypatch.setattr(margin, "_DELAY", 3600.0)
 
 
 @pytest.fixture

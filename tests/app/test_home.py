@@ -216,6 +216,7 @@ def test_wrong_values_in_the_address_are_told():
 
 
 @pytest.mark.slow
+@pytest.mark.margin
 def test_a_margin_solves_itself_and_is_kept():
     st.cache_resource.clear()
     at = AppTest.from_file(APP, default_timeout=240)
