@@ -24,7 +24,7 @@ from spab_core.solver.system import System
 from spab_core.trajectory import compiling
 from spab_core.trajectory.compiling import compile_once
 
-SMALL = Mesh(3, 24)
+SMALL = Mesh(3, 16)
 
 
 def pytest_configure(config):

@@ -22,7 +22,6 @@ NEEDED = (
     ("3x16", "rodas", 0.15, True),
     ("3x16", "rodas", 0.0, True),
     ("3x16", "rodas", 0.15, False),
-    ("3x24", "rodas", 0.15, False),
     ("4x32", "rodas", 0.15, False),
     ("4x32", "rodas", 0.0, False),
     ("3x24", "rodas", 0.0, False),

@@ -3,28 +3,42 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import json
 import sys
 from pathlib import Path
 
 from spab_core._version import __version__
-from spab_core.cli import dashboard, design, jobs, maps, margin, models, point, refine, surrogates
 from spab_core.cli.options import Parser
 from spab_core.common.errors import InputError
 from spab_core.common.files import check_writable
 
-_GROUPS = (point, maps, margin, surrogates, refine, models, jobs, design, dashboard)
+# modules of this package and their commands: only that of the command given is loaded, since
+# half of the libraries' loading is for the others
+_GROUPS = {
+    "point": ("simulate", "stiffness", "whirl-threshold"),
+    "maps": ("map", "bifurcation", "export"),
+    "margin": ("margin",),
+    "surrogates": ("evaluate", "predict"),
+    "refine": ("refine",),
+    "models": ("train", "verify"),
+    "jobs": ("jobs",),
+    "design": ("design",),
+    "dashboard": ("dashboard",),
+}
 
 
-def _build_parser() -> Parser:
+def _build_parser(command: str = "") -> Parser:
+    """Build the parser of the module that holds this command, or of all."""
     parser = Parser(
         prog="spab",
         description="Rotors on spherical porous gas bearings: regimes, exponents, stability maps.",
     )
     parser.add_argument("--version", action="version", version=f"spab {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
-    for group in _GROUPS:
-        group.add_commands(commands)
+    holding = [group for group, names in _GROUPS.items() if command in names]
+    for group in holding or _GROUPS:
+        importlib.import_module(f"spab_core.cli.{group}").add_commands(commands)
     return parser
 
 
@@ -37,7 +51,8 @@ def main(argv: list[str] | None = None) -> int:
     """
     with contextlib.suppress(AttributeError):  # a file name may hold what the terminal cannot show
         sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
-    parser = _build_parser()
+    given = sys.argv[1:] if argv is None else argv
+    parser = _build_parser(given[0] if given else "")
     args = parser.parse_args(argv)
     for name, value in vars(args).items():
         if value == []:  # what argparse of Python 3.11 makes of --name=--

@@ -7,7 +7,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import brentq
 
 from spab_core.common.errors import InputError
 from spab_core.common.threads import one_thread
@@ -183,6 +182,8 @@ def axial_position(design: Design, rotor_mass: float, bearing_number: float) -> 
         return force + load
 
     held, before = 0.0, 0.0
+    from scipy.optimize import brentq  # a quarter of a second to load, for an axial load alone
+
     for offset in np.linspace(0.0, end, AXIAL_STEPS + 1)[1:]:
         rest = missing(float(offset))
         if rest * load <= 0.0:

@@ -11,15 +11,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from spab_core.common.validation import check_number
 from spab_core.common.words import small
-from spab_core.linear_theory.linear_table import LinearTable
 from spab_core.maps.stability_map import MapError, StabilityMap
 from spab_core.trajectory.regimes import Regime
+
+if TYPE_CHECKING:  # it loads scikit-learn
+    from spab_core.linear_theory.linear_table import LinearTable
 
 _ALIKE = 1e-9  # relative: a point on the edge of the map is inside
 

@@ -8,16 +8,18 @@ import json
 import re
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from spab_core.active_learning.refine import Refinement, load_refinement
 from spab_core.common.errors import InputError
 from spab_core.common.files import check_writable, write_atomically
 from spab_core.common.paths import HOME
 from spab_core.maps.bifurcation import Bifurcation, load_bifurcation
 from spab_core.maps.stability_map import StabilityMap, load_map
+
+if TYPE_CHECKING:
+    from spab_core.active_learning.refine import Refinement
 
 ARTIFACTS = HOME / "artifacts"
 AUDIT = HOME / "docs" / "audit.csv"
@@ -202,6 +204,8 @@ def load_reference_refinement(folder: Path = ARTIFACTS) -> Refinement:
 
     Raises :class:`ArtifactError` or ``MapError``.
     """
+    from spab_core.active_learning.refine import load_refinement  # it loads scikit-learn
+
     return load_refinement(checked_path(REFINED, folder))
 
 

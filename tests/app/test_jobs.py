@@ -18,7 +18,7 @@ def page():
     from spab_core.ui.jobs import job_panel
 
     settings = {"mesh": "2x16", "transient": 2000, "revolutions": 2000, "early_stop": False}
-    long = settings | {"mesh": "3x24", "transient": 20000, "revolutions": 20000}
+    long = settings | {"mesh": "3x16", "transient": 20000, "revolutions": 20000}
     point = {"rotor_mass": 10.0, "bearing_number": 3.0, "settings": long}
     line = {"vary": "rotor-mass", "at": 3.0, "range": "4:9:300", "settings": settings}
     kind = st.radio("kind", ["point", "bifurcation"], key="kind")

@@ -31,7 +31,7 @@ from spab_core.solver.slope import build_work, slope
 from spab_core.solver.system import System
 from tests.conftest import fed_design, quiet
 
-MESH = Mesh(3, 24)
+MESH = Mesh(3, 16)
 UNLOADED = {
     "rotor__shaft_stiffness": math.inf,
     "rotor__unbalance_eccentricity": 0.0,
@@ -441,7 +441,7 @@ def test_the_weight_on_the_wall_is_told(design):
 
 
 def test_one_sign_of_the_cross_stiffness(design, capsys):
-    assert main(["stiffness", "--bearing-number", "3.45", "--mesh", "3x24", "--json"]) == 0
+    assert main(["stiffness", "--bearing-number", "3.45", "--mesh", "3x16", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     centred = coefficients(impedance(design.replace(rotor__gravity=0.0), 1.0, 3.45, MESH), [0.0])
     assert told["kyx_n_per_m"] == pytest.approx(centred.column("kyx")[0], rel=1e-6)

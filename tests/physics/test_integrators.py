@@ -127,7 +127,7 @@ def test_dtm_is_of_its_order(make_run):
 
 def test_tangent_is_the_derivative_of_the_step(make_run):
     """Steps from u + e v and u - e v: the difference is the tangent step, also in contact."""
-    run = make_run(18.0, 4.5, mesh=Mesh(3, 24))
+    run = make_run(18.0, 4.5, mesh=Mesh(3, 16))
     run.go(60)
     state, v = run.memory.state.copy(), run.memory.tangent.copy()
     one = {"max_step": 2.0 * np.pi / 24, "fixed": True, "period": 2.0 * np.pi / 24}

@@ -16,7 +16,7 @@ from spab_core.solver.system import System
 from spab_core.trajectory.revolution import FORCES, forces, integrate_revolution, run_up, surface
 
 POINTS = {"periodic": (7.0, 6.0), "chaotic, in contact": (18.0, 4.5)}
-COARSE = Settings("3x24", transient=40, revolutions=40)
+COARSE = Settings("3x16", transient=40, revolutions=40)
 
 
 @pytest.fixture(scope="module", params=[*POINTS, "rigid"])
@@ -92,7 +92,7 @@ def test_the_revolution_goes_on_where_the_run_ended(case):
     assert np.array_equal(r.states[0, :2], case.trajectory.final[n : n + 2])
     if case.regime.name == "periodic" and case.regime.period == 1:
         assert np.allclose(r.states[-1], r.states[0], atol=2e-3)
-    assert (r.pressure > 0.0).all() and r.thickness.shape == r.pressure.shape == (13, 24, 3)
+    assert (r.pressure > 0.0).all() and r.thickness.shape == r.pressure.shape == (13, 16, 3)
 
 
 def test_the_run_up_starts_at_rest_and_is_the_runs_own(case):

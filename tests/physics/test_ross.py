@@ -28,7 +28,7 @@ from spab_core.linear_theory.whirl import whirl_thresholds
 from spab_core.solver.film import Mesh
 from tests.conftest import quiet
 
-MESH = Mesh(3, 24)
+MESH = Mesh(3, 16)
 RIGID = 1e12  # N/m, a shaft that does not bend
 
 # A symmetric rotor on two bearings: a massless beam with the stiffness 2 K_s = 48 EI/L³ at midspan,

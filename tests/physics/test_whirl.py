@@ -14,7 +14,7 @@ from spab_core.solver.rotor import build_rotor, contact_force
 from spab_core.trajectory.lyapunov import exponent
 from tests.conftest import Run, fed_design
 
-MESH = Mesh(3, 24)
+MESH = Mesh(3, 16)
 BEARING_NUMBER = 3.45
 RIGID = {
     "rotor__shaft_stiffness": math.inf,

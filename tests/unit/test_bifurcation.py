@@ -25,7 +25,7 @@ from spab_core.maps.bifurcation import (
 from spab_core.trajectory.assessment import Limits, Motion, grades
 from tests.maps import map_of
 
-SHORT = Settings(mesh="3x24", transient=40, revolutions=60)
+SHORT = Settings(mesh="3x16", transient=40, revolutions=60)
 LINE = np.array([5.0, 6.0, 7.0])
 
 
@@ -117,7 +117,7 @@ COMMAND = [
     "--range",
     "5.9:6.1:2",
     "--mesh",
-    "3x24",
+    "3x16",
     "--transient",
     "40",
     "--revolutions",

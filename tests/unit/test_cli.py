@@ -3,6 +3,7 @@ input.
 """
 
 import csv
+import importlib
 import json
 import os
 import signal
@@ -15,13 +16,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from spab_core.cli.main import main
+from spab_core.cli.main import _GROUPS, main
+from spab_core.cli.options import Parser
 from spab_core.design.model import design_toml, reference_design
 from spab_core.maps import compute as map_engine
 from spab_core.maps.stability_map import load_map
 from tests.commands import answer, refused
 
-SHORT = ["--mesh", "3x24", "--transient", "30", "--revolutions", "30"]
+SHORT = ["--mesh", "3x16", "--transient", "30", "--revolutions", "30"]
 
 
 def test_simulate_keys(capsys, tmp_path):
@@ -62,7 +64,7 @@ def test_simulate_keys(capsys, tmp_path):
         "pushed",
         "wall_seconds",
     ]
-    assert found["status"] == "ok" and found["mesh"] == "3x24" and found["revolutions"] == 60
+    assert found["status"] == "ok" and found["mesh"] == "3x16" and found["revolutions"] == 60
     rows = list(csv.DictReader(orbit.read_text().splitlines()))
     assert len(rows) == 30 * 96 and set(rows[0]) >= {"tau", "X2", "Y2", "X1", "Y1"}
     assert (
@@ -77,7 +79,7 @@ def test_simulate_text(capsys):
 
 
 def test_stiffness_and_threshold_keys(capsys, tmp_path):
-    found = answer(capsys, "stiffness", "--bearing-number", "3.45", "--mesh", "3x24")
+    found = answer(capsys, "stiffness", "--bearing-number", "3.45", "--mesh", "3x16")
     assert list(found) == ["kxx", "kyx", "kxx_n_per_m", "kyx_n_per_m"]
     assert found["kxx_n_per_m"] / found["kxx"] == pytest.approx(reference_design().stiffness_unit)
     found = answer(capsys, "whirl-threshold", "--bearing-number", "1", "--mesh", "3x16")
@@ -344,3 +346,24 @@ def test_no_text_makes_a_traceback(capsys, text, option):
     if option == "--rotor-mass":
         argv = ["simulate", "--bearing-number", "-1", f"{option}={text}"]
     refused(capsys, *argv)
+
+
+@pytest.mark.parametrize("group", _GROUPS)
+def test_a_command_is_found_in_the_module_that_holds_it(group):
+    parser = Parser(prog="spab")
+    commands = parser.add_subparsers(parser_class=Parser)
+    importlib.import_module(f"spab_core.cli.{group}").add_commands(commands)
+    assert tuple(commands.choices) == _GROUPS[group]
+
+
+def test_commands_that_solve_do_not_load_what_learns():
+    """Half of a start's time would go into scikit-learn."""
+    code = (
+        "import sys; from spab_core.cli.main import main\n"
+        "for command in ('simulate', 'margin', 'map', 'bifurcation', 'export', 'jobs'):\n"
+        "    try: main([command, '--help'])\n"
+        "    except SystemExit: pass\n"
+        "assert 'spab_core.cli.maps' in sys.modules and 'sklearn' not in sys.modules"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr

@@ -24,7 +24,7 @@ from spab_core.linear_theory.summary import derive
 from spab_core.solver.film import Mesh
 from tests.commands import answer, refused
 
-MESH = ["--mesh", "3x24"]
+MESH = ["--mesh", "3x16"]
 POINT = ["--rotor-mass", "4.5"]
 SHOW, TABLE = ["design", "show", *POINT], ["design", "coefficients", *POINT]
 
@@ -51,7 +51,7 @@ def test_show_speed_and_bearing_number_agree(capsys):
     one = answer(capsys, "design", "show", *POINT, "--bearing-number", "3", *MESH)
     two = answer(capsys, "design", "show", *POINT, "--rpm", repr(d.speed_rpm(3.0)), *MESH)
     assert one["eccentricity"] == pytest.approx(two["eccentricity"], rel=1e-9)
-    expected = derive(d, 4.5, 3.0, Mesh(3, 24)).record() | {"design": d.to_dict(), "mesh": "3x24"}
+    expected = derive(d, 4.5, 3.0, Mesh(3, 16)).record() | {"design": d.to_dict(), "mesh": "3x16"}
     assert {name: one[name] for name in expected} == expected
     assert one["assessment"] == "avoid" and one["regime"] == "periodic" and one["period"] == 2
     assert one["motion_least_film_m"] < 5e-6 < 25e-6 < one["least_film_m"]
@@ -97,7 +97,7 @@ def test_coefficients_against_whirl_frequency(capsys, tmp_path):
     assert found["axis"] == "frequency"
     assert list(rows)[:11] == ["speed", "frequency", *NAMES, "whirl_ratio"]
     expected = coefficients(
-        impedance(reference_design(), 4.5, 3.0, Mesh(3, 24)), np.linspace(0, 2, 5)
+        impedance(reference_design(), 4.5, 3.0, Mesh(3, 16)), np.linspace(0, 2, 5)
     )
     for name in NAMES:
         np.testing.assert_allclose(rows[name], expected.column(name))
@@ -167,7 +167,7 @@ def test_coefficients_against_speed_as_a_workbook(capsys, tmp_path):
 def test_words_of_a_workbook_change_no_unit_in_ross():
     """ROSS searches the first sheet for these and converts the table."""
     d = reference_design()
-    table = coefficient_table(coefficients_over_speed(d, 4.5, [2.0, 3.0], FILM_WHIRL, Mesh(3, 24)))
+    table = coefficient_table(coefficients_over_speed(d, 4.5, [2.0, 3.0], FILM_WHIRL, Mesh(3, 16)))
     words = [*table, *table["mode"], FILM_MODE, SHAFT_MODE]
     assert not [w for w in words if re.search("rpm|lb|inches", w.lower())]
 

@@ -22,7 +22,7 @@ from tests.maps import map_of_regimes
 @pytest.fixture
 def small(tmp_path):
     m = map_of_regimes([1.0, 2.0, 3.0], [1.0, 2.0], [[0, 2], [0, 3], [4, 1]])
-    m.metadata.update(mesh="3x24", transient=10, revolutions=10)
+    m.metadata.update(mesh="3x16", transient=10, revolutions=10)
     save_map(m, tmp_path / "small.npz")
     return m, str(tmp_path / "small.npz")
 

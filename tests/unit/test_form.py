@@ -227,7 +227,7 @@ def test_a_handed_in_file_is_the_design():
 def test_presets_load_and_rest_on_their_film(name, tmp_path):
     p = preset(name)
     number = bearing_number_of(p.design, None, p.speed_rpm)
-    rest = static_equilibrium(p.design, p.rotor_mass, number, (3, 24))
+    rest = static_equilibrium(p.design, p.rotor_mass, number, (3, 16))
     assert rest is not None and rest.eccentricity < 0.7
     path = tmp_path / "copy.toml"
     path.write_text(design_toml(p.design))

@@ -19,7 +19,7 @@ from spab_core.maps.checkpoints import Checkpoint, run_plan
 from spab_core.maps.compute import compute_map
 from spab_core.maps.stability_map import FIELDS, MapError
 
-SHORT = Settings(mesh="3x24", transient=30, revolutions=30)
+SHORT = Settings(mesh="3x16", transient=30, revolutions=30)
 NUMBERS, MASSES = np.linspace(2.0, 4.0, 10), np.linspace(3.0, 9.0, 20)  # eight chunks
 
 

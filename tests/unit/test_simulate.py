@@ -12,7 +12,7 @@ from spab_core.solver.film import Mesh
 from spab_core.solver.stepping import STATUS
 from spab_core.trajectory.run import path_angle
 
-SHORT = Settings(mesh=Mesh(3, 24), transient=30, revolutions=30)
+SHORT = Settings(mesh=Mesh(3, 16), transient=30, revolutions=30)
 
 
 def test_touchdown_is_a_status(design):
@@ -66,7 +66,7 @@ def test_path_is_close_to_a_finely_resolved_one(design):
         design,
         4.0,
         3.0,
-        Settings(mesh=Mesh(3, 24), transient=30, revolutions=30, tolerance=1e-9),
+        Settings(mesh=Mesh(3, 16), transient=30, revolutions=30, tolerance=1e-9),
         path_revolutions=3,
     )
     assert np.abs(coarse.trajectory.path - fine.trajectory.path)[..., :4].max() < 2e-3

@@ -33,7 +33,7 @@ def test_wrong_starts_are_refused(capsys, tmp_path):
     answer(capsys, *POINT, *SHORT, "--mesh", "2x16", "--out", str(file))
     for options, words in (
         (("--start", "no.npz"), "cannot read the operating point"),
-        (("--start", str(file), "--mesh", "3x24"), "it ended on mesh 2x16, this one asks for 3x24"),
+        (("--start", str(file), "--mesh", "3x16"), "it ended on mesh 2x16, this one asks for 3x16"),
         (("--start", str(file), "--out", str(tmp_path / "no" / "p.npz")), "--out"),
         (("--transient", "5"), "transient = 5 revolutions is too short"),
     ):
