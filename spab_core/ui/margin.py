@@ -28,6 +28,7 @@ from spab_core.ui.solving import LIVE, waits_for_compiler
 
 P = ParamSpec("P")
 T = TypeVar("T")
+MARGINS = "SPAB_MARGINS"  # "asked": solved when a button is pressed, not by themselves
 USUAL = 220  # points of a margin, for its progress
 # what is looked at first: span, points to each side as near each other as all are, brackets
 NEAR, NEAR_POINTS, NEAR_PRECISION = (0.8, 1.25), 2, 0.01
@@ -37,6 +38,7 @@ _LEFT = 8.0  # seconds without a page that looks at it, after which it is given 
 _EVERY = 0.5  # seconds between two looks
 _THREADS = min(2, os.cpu_count() or 1)
 _LOOKED_AT = "_margin"  # the margin that the session looks at
+_ASKED = "_margins_asked"  # those whose button it pressed
 _Key = tuple[Design, float, float]
 
 
@@ -77,11 +79,8 @@ class _Run(futures.Executor):
 
     def _solve(self, key: _Key, keep: Callable[[SolvedMargin], None]) -> None:
         step_back()
-        begin = time.monotonic() + _DELAY
+        time.sleep(_DELAY)
         try:
-            while time.monotonic() < begin:
-                self._check()
-                time.sleep(0.1)
             self.near = solve_margin(
                 *key,
                 LIVE,
@@ -199,6 +198,8 @@ def margin_panel(design: Design, rotor_mass: float, bearing_number: float) -> No
     if found is None:
         if waits_for_compiler(design, rotor_mass, bearing_number, words=False):
             return
+        if not _wanted(key):
+            return
         _store().run(key)
         st.fragment(_watch, run_every=_EVERY)(key)
         return
@@ -212,6 +213,15 @@ def margin_panel(design: Design, rotor_mass: float, bearing_number: float) -> No
         )
     with st.expander("All limits, and what was not looked at"):
         st.markdown(margin_words(found))
+
+
+def _wanted(key: _Key) -> bool:
+    """Whether to solve this margin now; where they are solved when asked for, show the button."""
+    asked: set[_Key] = st.session_state.setdefault(_ASKED, set())
+    if os.environ.get(MARGINS) != "asked" or key in asked:
+        return True
+    st.button("Solve the margin", key="solve_margin", on_click=asked.add, args=(key,))
+    return False
 
 
 def _watch(key: _Key) -> None:

@@ -10,7 +10,6 @@ from streamlit.components.v2 import manifest_scanner
 
 from spab_core.jobs.store import cancel, list_jobs
 from spab_core.trajectory.compiling import compile_once
-from spab_core.ui import margin
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -26,13 +25,6 @@ def packages():
         scan = functools.cache(manifest_scanner.scan_component_manifests)
         patch.setattr(manifest_scanner, "scan_component_manifests", scan)
         yield
-
-
-@pytest.fixture(autouse=True)
-def no_margin_unasked(request, monkeypatch):
-    """Pages do not solve margins beside the tests, but for those that wait for one."""
-    if not request.node.get_closest_marker("margin"):
-        monkeypatch.setattr(margin, "_DELAY", 3600.0)
 
 
 @pytest.fixture

@@ -216,7 +216,7 @@ def test_wrong_values_in_the_address_are_told():
 
 
 @pytest.mark.slow
-@pytest.mark.margin
+@pytest.mark.usefixtures("margins")
 def test_a_margin_solves_itself_and_is_kept():
     st.cache_resource.clear()
     at = AppTest.from_file(APP, default_timeout=240)
@@ -242,6 +242,19 @@ def test_a_margin_solves_itself_and_is_kept():
     assert told() == [headline, words]
     at.number_input(key="rotor_mass").set_value(5.0).run()
     assert not told()
+
+
+def test_a_margin_is_solved_when_its_button_is_pressed(monkeypatch):
+    """Where the server's owner wants it so, SPAB_MARGINS=asked: a margin takes both cores."""
+    st.cache_resource.clear()
+    monkeypatch.setenv(margin_panel.MARGINS, "asked")
+    at = AppTest.from_file(APP, default_timeout=240).run()
+    assert not at.get("progress")
+    at.button(key="solve_margin").click().run()
+    assert not at.exception and "solve_margin" not in {button.key for button in at.button}
+    assert any("Solving the margin" in bar.proto.text for bar in at.get("progress"))
+    at.number_input(key="rotor_mass").set_value(5.0).run()  # another point is asked for anew
+    assert not at.get("progress") and at.button(key="solve_margin")
 
 
 def test_an_own_design_is_solved_and_the_map_says_whose_it_is():

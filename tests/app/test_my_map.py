@@ -48,7 +48,7 @@ def words(at):
 
 
 @pytest.mark.slow
-@pytest.mark.margin
+@pytest.mark.usefixtures("margins")
 def test_a_bearing_is_mapped_its_margin_told_and_the_job_listed():
     at = opened(MAP, **SMALL, own_minutes=5.0, bearing_number=3.0, rotor_mass=6.0)
     assert not at.exception and "The map that comes with spab" in words(at)

@@ -137,6 +137,7 @@ def test_click_a_cell(address, tools):
         marked = zoomed_and_marked(page, m)
         Path(OUTPUT).mkdir(exist_ok=True)
         page.screenshot(path=OUTPUT / "clicked.png")
+        tools.settled(page)  # a margin that comes while the box opens may close it again
         page.get_by_text("The borders of regimes around the point, off this map").click()
         page.get_by_text("Not periodic here (chaotic)").wait_for()
         text, shown = page.inner_text("body"), page.url

@@ -68,7 +68,9 @@ def answer(j):
             wanted = found = complex(*root)
             for _ in range(40):
                 values = np.linalg.eigvals(rotor.A(speed, frequency=found.imag))
-                found = values[np.argmin(abs(values - wanted))]
+                before, found = found, values[np.argmin(abs(values - wanted))]
+                if abs(found - before) < 1e-9 * abs(found):
+                    break
             nearest.append([found.real, found.imag])
     return {
         "nearest": nearest,

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from scipy.io import netcdf_file
 
+from spab_core.cli import margin as cli
 from spab_core.cli.main import main
 from spab_core.maps.margin import margin
 from spab_core.maps.solved_margin import DIRECTIONS, KINDS
@@ -17,6 +18,21 @@ from spab_core.maps.stability_map import save_map
 from spab_core.shipped.manifest import ARTIFACTS, REFERENCE_MAP, load_reference_map
 from tests.commands import answer, refused
 from tests.maps import map_of_regimes
+
+
+class Once:
+    """A function called once, whose answer every later call with the same values gets."""
+
+    def __init__(self, function):
+        self.function, self.answers, self.calls = function, {}, 0
+
+    def __call__(self, *values, **options):
+        self.calls += 1
+        key = repr((values, {k: v for k, v in options.items() if not callable(v)}))
+        if key not in self.answers:
+            self.answers[key] = self.function(*values, **options)
+        (answer,) = self.answers.values()
+        return answer
 
 
 @pytest.fixture
@@ -43,7 +59,9 @@ def test_keys_and_words_of_a_margin_read_off_the_shipped_map(capsys):
 
 
 @pytest.mark.slow
-def test_a_solved_margin_answers_the_contract(capsys):
+def test_a_solved_margin_answers_the_contract(capsys, monkeypatch):
+    # solved once, told twice
+    monkeypatch.setattr(cli, "solve_margin", once := Once(cli.solve_margin))
     found = answer(capsys, *SOLVED, *QUICK)
     assert found["assessment"] in ("good", "watch", "avoid")
     assert {
@@ -71,6 +89,7 @@ def test_a_solved_margin_answers_the_contract(capsys):
     assert main([*SOLVED, *QUICK]) == 0
     told = capsys.readouterr().out
     assert found["headline"] in told and "predicted" not in told.lower()
+    assert once.calls == 2
 
 
 def test_a_predicted_map_says_so_and_has_no_plus_minus(capsys, small, tmp_path):
