@@ -31,6 +31,7 @@ from spab_core.design.tolerances import (
     Tolerances,
     check_tolerances,
     parse_tolerances,
+    value_of,
 )
 from spab_core.drawings.drivers import CONFIDENCE, drivers, narrowings, wilson
 from spab_core.drawings.look import ROW, Look, Rows, look_at, looker
@@ -42,6 +43,10 @@ WANTED = 0.95  # share of good machines
 LEARNED = 0.2  # of the variance: a forest that explains less says nothing of what drives it
 QUARTERS = (0.05, 0.25, 0.5, 0.75, 0.95)  # quantiles told of a distribution
 _MAX_BYTES = 20_000_000
+
+
+def _named(key: str) -> str:
+    return f"{value_of(key).label} ({key})"
 
 
 def draw(tolerances: Tolerances, count: int, seed: int) -> np.ndarray:
@@ -191,7 +196,7 @@ class ToleranceStudy:
         elif len(table):
             first = table.iloc[0]
             lines.append(
-                f"What drives it ({what}): {first['value']}, a total Sobol index of "
+                f"What drives it ({what}): {_named(first['value'])}, a total Sobol index of "
                 f"{first['total']:.2f} ± {first['total_spread']:.2f}; the forest behind it "
                 f"explains {100 * table.attrs['explained']:.0f} % of the variance of machines it "
                 "has not seen."
@@ -219,10 +224,11 @@ class ToleranceStudy:
             )
         best = table.iloc[0]
         return (
-            f"{best['value']} {best['narrowed']} instead of {best['tolerance']} would bring the "
-            f"share of good machines to {100 * best['share']:.0f} % ({100 * best['low']:.0f} to "
-            f"{100 * best['high']:.0f} %), estimated from the {best['machines']:.0f} machines "
-            "drawn within it; solve that drawing to know."
+            f"{_named(best['value'])} {best['narrowed']} instead of {best['tolerance']} would "
+            f"bring the share of good machines to {100 * best['share']:.0f} % "
+            f"({100 * best['low']:.0f} to {100 * best['high']:.0f} %), estimated from the "
+            f"{best['machines']:.0f} machines drawn within it; "
+            "solve that drawing to know."
         )
 
     def record(self) -> dict[str, Any]:

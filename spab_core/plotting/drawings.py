@@ -8,18 +8,13 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
-from spab_core.design.tolerances import VALUES
+from spab_core.design.tolerances import value_of
 from spab_core.drawings.improve import WISHES, Improvement, Wish
 from spab_core.drawings.tolerance import ToleranceStudy
 from spab_core.plotting.theme import DISC, GRADE_COLOURS, JOURNAL, NEUTRAL, SECTION
 from spab_core.trajectory.assessment import GRADE_WORDS, GRADES
 
 _INK = {"good": "#ffffff", "watch": "#1a1a1a", "avoid": "#ffffff"}  # on the grades' colours
-
-
-def value_label(key: str) -> str:
-    """Return a value's label by its name such as ``bearing.clearance``."""
-    return VALUES[key.replace(".", "__")].label
 
 
 def shares_figure(study: ToleranceStudy) -> go.Figure:
@@ -62,7 +57,7 @@ def drivers_figure(what: str, table: pd.DataFrame) -> go.Figure:
         Of :func:`spab_core.drawings.drivers.drivers`.
     """
     rows = table.iloc[::-1]
-    labels = [value_label(key) for key in rows["value"]]
+    labels = [value_of(key).label for key in rows["value"]]
     figure = go.Figure()
     for column, name, colour, width in (
         ("total", "with all interactions (total)", DISC, 0.7),

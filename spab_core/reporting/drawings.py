@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
+from spab_core.design.tolerances import value_of
 from spab_core.drawings.improve import Improvement
 from spab_core.drawings.tolerance import ToleranceStudy
 from spab_core.plotting.drawings import (
@@ -11,7 +12,6 @@ from spab_core.plotting.drawings import (
     front_figure,
     shares_figure,
     spread_figure,
-    value_label,
 )
 from spab_core.reporting.report import Section
 
@@ -35,7 +35,7 @@ def tolerance_section(study: ToleranceStudy) -> Section:
     if study.look.axis:
         figures["Margin of the machines"] = spread_figure(study, "margin")
     given = pd.DataFrame(
-        {"value": [value_label(n) for n in study.names], "": [t.text for t in study.tolerances]}
+        {"value": [value_of(n).label for n in study.names], "": [t.text for t in study.tolerances]}
     )
     return Section("Tolerances", [*study.sentences(), NOT_MORE], {"Tolerances": given}, figures)
 

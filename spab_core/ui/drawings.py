@@ -29,6 +29,7 @@ from spab_core.design.tolerances import (
     parse_tolerance,
     parse_tolerances,
     ranges_text,
+    value_of,
 )
 from spab_core.drawings.drivers import CONFIDENCE
 from spab_core.drawings.improve import DRAWN as DRAWN_WITHIN
@@ -46,7 +47,6 @@ from spab_core.plotting.drawings import (
     front_figure,
     shares_figure,
     spread_figure,
-    value_label,
 )
 from spab_core.reporting.drawings import NOT_MORE, improvement_section, tolerance_section
 from spab_core.reporting.report import Section
@@ -319,7 +319,7 @@ def _narrowings(narrow: pd.DataFrame) -> None:
     """How far each tolerance has to be narrowed, as a table."""
     st.dataframe(
         narrow.assign(
-            value=[value_label(v) for v in narrow["value"]],
+            value=[value_of(v).label for v in narrow["value"]],
             **{c: 100.0 * narrow[c] for c in ("factor", "share", "low", "high")},
         ),
         hide_index=True,
