@@ -26,7 +26,7 @@ STORING := tests/physics $(addprefix tests/unit/test_,kernels.py simulate.py det
 OLDEST := $(addprefix tests/unit/test_,design.py form.py export.py simulate.py surrogates.py) tests/physics/test_film.py \
   $(addprefix tests/app/test_,about.py view.py my_bearing.py)
 
-.PHONY: run test test-fast coverage compiled test-foreign test-python oldest test-oldest licences lint lock map train verify bifurcations audit \
+.PHONY: run test test-fast coverage kernels-fast compiled test-foreign test-python oldest test-oldest licences lint lock map train verify bifurcations audit \
   linear-table refined preset-maps manifest pictures results docs clean another-python
 
 run: $(VENV)/.ready
@@ -58,9 +58,11 @@ test-foreign: $(VENV)/.ready
 	$(FOREIGN) $(BIN)/python -m pytest $(SOLVING)
 
 # on another Python, without what takes more than a few seconds: make test-python PYTHON=python3.13 VENV=.venv-newest
-test-python: $(VENV)/.ready
-	$(FOREIGN) $(BIN)/python -m tests.kernels fast
+test-python: kernels-fast
 	$(FOREIGN) $(BIN)/python -m pytest -m "not slow" $(STORING)
+
+kernels-fast: $(VENV)/.ready
+	$(FOREIGN) $(BIN)/python -m tests.kernels fast
 
 compiled: $(VENV)/.ready
 	$(FOREIGN) $(BIN)/python $(COMPILE)

@@ -74,6 +74,7 @@ def test_the_map_answers_before_plotly_is_there(address, tools):
         for route in held:
             route.continue_()
         tools.settled(page)
+        page.wait_for_selector(".st-key-orbit .nsewdrag", state="attached")  # drawn last
         assert not page.locator(".st-key-map_box .spab-picture img").first.is_visible()
         _, drawn, _, _, orbit_drawn = page.evaluate(PLACES)
         axes, mark = page.evaluate(AXES), page.evaluate(MARKED)
