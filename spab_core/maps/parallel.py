@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 from collections.abc import Callable, Iterator
 from concurrent import futures
@@ -43,15 +44,21 @@ def cluster_or_processes(
             "--dask needs the packages dask and distributed: pip install 'spab-core[dask]'"
         ) from None
     with contextlib.ExitStack() as stack:
+        failure: str | None = None
         try:
             client: Any = distributed.Client
             client = stack.enter_context(client(cluster, timeout=CLUSTER_SECONDS))
             client.wait_for_workers(1, timeout=CLUSTER_SECONDS)
         except (OSError, ValueError, TypeError, TimeoutError) as error:
+            failure = " ".join(str(error).split())[:200]
+        if failure is not None:
+            # a client that never connected closes itself when it is collected: now, while no other
+            # thread of Dask starts, for which the two would wait for each other
+            gc.collect()
             raise InputError(
                 f"--dask = {cluster[:200]!r}: no scheduler with workers answers there within "
-                f"{CLUSTER_SECONDS} s ({' '.join(str(error).split())[:200]})"
-            ) from None
+                f"{CLUSTER_SECONDS} s ({failure})"
+            )
         stack.enter_context(joblib.parallel_config(backend="dask", client=client))
         yield joblib.Parallel(n_jobs=-1, **options)
 
