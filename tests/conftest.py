@@ -11,6 +11,7 @@ from pathlib import Path
 # reads it
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+import hypothesis
 import numpy as np
 import pytest
 from xdist.scheduler import LoadFileScheduling
@@ -25,6 +26,9 @@ from spab_core.trajectory import compiling
 from spab_core.trajectory.compiling import compile_once
 from spab_core.ui.margin import MARGINS
 
+# no test is for seconds
+hypothesis.settings.register_profile("untimed", deadline=None)
+hypothesis.settings.load_profile("untimed")
 SMALL = Mesh(3, 16)
 
 
