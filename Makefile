@@ -23,11 +23,11 @@ SOLVING := tests/physics $(addprefix tests/unit/test_,kernels.py simulate.py map
 STORING := tests/physics $(addprefix tests/unit/test_,kernels.py simulate.py determinism.py threads.py memory.py dependencies.py design.py \
   form.py artifacts.py pretrained.py no_code.py surrogates.py jobs.py cli.py cli_design.py cli_models.py export.py regimes.py refine.py \
   lines.py features.py source_hash.py) $(addprefix tests/app/test_,about.py view.py jobs.py my_bearing.py operating_point.py)
-OLDEST := $(addprefix tests/unit/test_,design.py form.py export.py simulate.py surrogates.py) tests/physics/test_film.py \
-  $(addprefix tests/app/test_,about.py view.py my_bearing.py)
+OLDEST := $(addprefix tests/unit/test_,design.py form.py export.py simulate.py map_engine.py surrogates.py) \
+  $(addprefix tests/physics/test_,film.py integrators.py) $(addprefix tests/app/test_,about.py view.py home.py my_bearing.py)
 
-.PHONY: run test test-fast coverage kernels-fast compiled test-foreign test-python oldest test-oldest licences lint lock map train verify bifurcations audit \
-  linear-table refined preset-maps manifest pictures results docs clean another-python
+.PHONY: run test test-fast coverage kernels compiled test-foreign test-python oldest test-oldest licences lint lock map train verify \
+  bifurcations audit linear-table refined preset-maps manifest pictures results docs clean another-python
 
 run: $(VENV)/.ready
 	$(BIN)/spab dashboard
@@ -38,7 +38,7 @@ test: $(VENV)/.ready
 
 # what takes no more than a few seconds each, without pages and browser
 test-fast: $(VENV)/.ready
-	$(BIN)/python -m tests.kernels fast
+	$(BIN)/python -m tests.kernels
 	$(BIN)/python -m pytest -q -m "not slow" tests/unit tests/physics
 
 # lines of spab_core, app.py and pages/ that the tests run; those of compiled kernels are not seen
@@ -53,16 +53,15 @@ ifneq ($(CPU),native)
 endif
 COMPILE := -c "from spab_core.trajectory.compiling import compile_once; compile_once()"
 
-test-foreign: $(VENV)/.ready
-	$(FOREIGN) $(BIN)/python -m tests.kernels
+test-foreign: kernels
 	$(FOREIGN) $(BIN)/python -m pytest $(SOLVING)
 
 # on another Python, without what takes more than a few seconds: make test-python PYTHON=python3.13 VENV=.venv-newest
-test-python: kernels-fast
+test-python: kernels
 	$(FOREIGN) $(BIN)/python -m pytest -m "not slow" $(STORING)
 
-kernels-fast: $(VENV)/.ready
-	$(FOREIGN) $(BIN)/python -m tests.kernels fast
+kernels: $(VENV)/.ready
+	$(FOREIGN) $(BIN)/python -m tests.kernels
 
 compiled: $(VENV)/.ready
 	$(FOREIGN) $(BIN)/python $(COMPILE)

@@ -1,5 +1,4 @@
-"""Compile the kernels that many tests need, on two cores, each once: ``python -m tests.kernels``;
-``python -m tests.kernels fast`` leaves out those that only tests marked slow need.
+"""Compile the kernels that many tests need, on two cores, each once: ``python -m tests.kernels``.
 
 Kernels differ by the mesh's width, the method, whether the wall stores gas and whether the journal
 moves along the axis. Two workers of
@@ -8,7 +7,6 @@ pytest that come upon the same ones would both compile them."""
 from __future__ import annotations
 
 import multiprocessing
-import sys
 from concurrent.futures import ProcessPoolExecutor
 
 from spab_core.design.model import reference_design
@@ -17,7 +15,7 @@ from spab_core.trajectory.compiling import compile_once
 from spab_core.trajectory.point import solve_point
 from spab_core.trajectory.settings import Settings
 
-# mesh, method, porosity, axial motion: the slowest first; tests of dtm and of axial motion are slow
+# mesh, method, porosity, axial motion: the slowest first
 NEEDED = (
     ("3x16", "dtm", 0.0, False),
     ("2x16", "dtm", 0.15, False),
@@ -39,11 +37,9 @@ def _compile(mesh: str, method: str, porosity: float, moving: bool) -> None:
 
 def main() -> None:
     compile_once()
-    fast = "fast" in sys.argv[1:]
-    needed = [k for k in NEEDED if not fast or (k[1] == "rodas" and not k[3])]
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(2, context) as pool:
-        for work in [pool.submit(_compile, *kernels) for kernels in needed]:
+        for work in [pool.submit(_compile, *kernels) for kernels in NEEDED]:
             work.result()
 
 

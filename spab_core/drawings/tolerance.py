@@ -227,8 +227,7 @@ class ToleranceStudy:
             f"{_named(best['value'])} {best['narrowed']} instead of {best['tolerance']} would "
             f"bring the share of good machines to {100 * best['share']:.0f} % "
             f"({100 * best['low']:.0f} to {100 * best['high']:.0f} %), estimated from the "
-            f"{best['machines']:.0f} machines drawn within it; "
-            "solve that drawing to know."
+            f"{best['machines']:.0f} machines drawn within it; solve that drawing to know."
         )
 
     def record(self) -> dict[str, Any]:

@@ -161,6 +161,8 @@ def axial_position(design: Design, rotor_mass: float, bearing_number: float) -> 
         Where the film does not carry the load before the gap at the edge is down to a twentieth,
         or the journal does not rest on its film any more.
     """
+    from scipy.optimize import brentq  # a quarter of a second to load, for an axial load alone
+
     if not design.rotor.axial_load:
         return None
     load = design.axial_load_number
@@ -182,8 +184,6 @@ def axial_position(design: Design, rotor_mass: float, bearing_number: float) -> 
         return force + load
 
     held, before = 0.0, 0.0
-    from scipy.optimize import brentq  # a quarter of a second to load, for an axial load alone
-
     for offset in np.linspace(0.0, end, AXIAL_STEPS + 1)[1:]:
         rest = missing(float(offset))
         if rest * load <= 0.0:

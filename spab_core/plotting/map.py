@@ -5,13 +5,14 @@ layer that answers clicks.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
 from contourpy import contour_generator
 from scipy.ndimage import gaussian_filter
 
+from spab_core.linear_theory.linear_table import LinearTable
 from spab_core.maps.stability_map import StabilityMap
 from spab_core.plotting.theme import (
     BEARING_NUMBER_LABEL,
@@ -27,9 +28,6 @@ from spab_core.plotting.theme import (
 from spab_core.surrogates.models import PredictedMap
 from spab_core.trajectory.assessment import GRADE_WORDS
 from spab_core.trajectory.regimes import NO_EXPONENT, REGIMES, Regime
-
-if TYPE_CHECKING:  # it loads scikit-learn
-    from spab_core.linear_theory.linear_table import LinearTable
 
 LAYERS = (
     "Assessment",

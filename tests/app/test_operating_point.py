@@ -186,7 +186,6 @@ def test_a_failed_point_shows_its_run_up():
         assert not at.exception and not figures(at) and len(at.info) == 1
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("mesh", ["abc", "4x47", "9999x9999", ""])
 def test_a_wrong_mesh_is_said_in_words(mesh):
     at = page(mesh=mesh)

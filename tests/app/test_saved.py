@@ -94,9 +94,9 @@ def test_supply_as_gauge_and_absolute():
     assert field.label == "Supply, bar absolute" and field.value == pytest.approx(7.01325)
     assert address(at)["supply_as"] == "absolute"
     assert float(address(at)["bearing.supply_pressure_ratio"]) == pytest.approx(ratio, rel=1e-12)
-    # the highest takes 15 s to solve, and is tried in test_controls.py
-    at.number_input(key="supply").set_value(field.min).run()
-    assert not at.exception and not complaints(at)
+    for end in ("min", "max"):
+        at.number_input(key="supply").set_value(getattr(field, end)).run()
+        assert not at.exception and not complaints(at)
 
 
 def test_what_was_not_typed_is_said_to_be_assumed():

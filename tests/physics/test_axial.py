@@ -103,7 +103,6 @@ def test_the_motion_of_the_whole_band_is_that_of_the_half_one():
     assert np.abs(loaded.trajectory.section[-1] - free.trajectory.section[-1]).max() < 1e-5
 
 
-@pytest.mark.slow
 def test_dtm_agrees_with_rodas_under_an_axial_load():
     """On the whole band of a displaced journal, as on the half band: orbit and growth of the
     tangent from one state, at small steps.

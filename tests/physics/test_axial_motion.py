@@ -32,8 +32,6 @@ from spab_core.trajectory.run import path_table
 from spab_core.trajectory.starts import whirling_start
 from tests.conftest import fed_design
 
-pytestmark = pytest.mark.slow  # kernels of its own
-
 STILL = {"rotor__gravity": 0.0, "rotor__unbalance_eccentricity": 0.0, "rotor__axial_motion": True}
 FED = fed_design(30, 6, 0.2).replace(rotor__axial_motion=True)
 SETTINGS = Settings("2x16", transient=60, revolutions=60)

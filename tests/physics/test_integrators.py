@@ -77,7 +77,6 @@ def test_default_and_small_steps_agree_with_radau_over_five_revolutions(make_run
         assert np.abs(record.section[:, :4] - expected[:, :4]).max() < 1e-6, method
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("point", POINTS)
 def test_dtm_agrees_with_rodas_at_small_steps(make_run, point):
     start = _spun_up(make_run, point)

@@ -334,9 +334,7 @@ def test_wrong_input_is_one_sentence(capsys, tmp_path, monkeypatch, argv, words)
     assert list(tmp_path.iterdir()) == []
 
 
-@settings(
-    suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60, deadline=None
-)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)
 @given(
     st.text(max_size=30),
     st.sampled_from(["--rotor-mass", "--bearing-number", "--mesh", "--method", "--design"]),

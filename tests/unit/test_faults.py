@@ -60,11 +60,11 @@ def ended(name, seconds=90):
 
 @pytest.mark.slow
 def test_killed_at_random_moments_they_end_the_same(tmp_path):
-    """One of benchmarks/faults.py; a killed map is in test_cli.py, a refined one in test_refine.py,
-    a worker in test_jobs.py, the rest by --kills 50.
+    """Two of benchmarks/faults.py; a killed map is in test_cli.py, a killed worker in test_jobs.py,
+    the rest by --kills 50.
     """
-    works = run(1, 2, tmp_path, ["train"], tell=lambda words: None)
-    assert [work.kills for work in works.values()] == [1] and all(
+    works = run(2, 2, tmp_path, ["refine", "train"], tell=lambda words: None)
+    assert [work.kills for work in works.values()] == [1, 1] and all(
         work.ends >= 2 for work in works.values()
     )
 
@@ -419,7 +419,7 @@ def test_read_only_artifacts_serve_and_refuse_in_a_sentence(tmp_path):
         pytest.skip("this system gives no mounts of one's own")
     x = str(ARTIFACTS / "x")
     plane = ["--bearing-number", "2:4:5", "--rotor-mass", "3:5:5", *OPTIONS]
-    good = [["predict", "--model", "mlp", "--out", str(tmp_path / "p.npz")]]
+    good = [["verify"], ["predict", "--model", "mlp", "--out", str(tmp_path / "p.npz")]]
     bad = [
         [],
         ["train", "--all"],

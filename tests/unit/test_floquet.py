@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from spab_core.trajectory import shooting
@@ -66,7 +66,6 @@ def test_the_largest_multiplier_within_its_error(values):
     assert found.error < 1e-3 and found.history[-1] == math.log(abs(found.value))
 
 
-@settings(deadline=None)
 @given(st.floats(0.3, 0.97), st.floats(0.05, math.pi - 0.05), st.floats(0.0, 0.5))
 def test_a_pair_with_any_angle(size, angle, rest):
     values = (size * complex(math.cos(angle), math.sin(angle)), size * rest, -0.4 * size * rest)

@@ -402,7 +402,7 @@ def test_any_bytes_are_a_sentence(data):
         read_samples(data)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.data())
 def test_a_damaged_workbook_is_read_or_a_sentence(data):
     parts = dict(WORKBOOK)

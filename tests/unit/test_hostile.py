@@ -221,7 +221,6 @@ def test_every_command_is_driven():
 @pytest.mark.parametrize("path", COMMANDS, ids=" ".join)
 @settings(
     max_examples=25,
-    deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )

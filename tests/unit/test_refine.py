@@ -12,7 +12,7 @@ import sys
 import filelock
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from spab_core import Settings
@@ -80,7 +80,6 @@ def assert_same(a, b):
         assert np.array_equal(left, right, equal_nan=left.dtype.kind == "f")
 
 
-@settings(deadline=None)  # what is drawn is tested, not how busy the machine is
 @given(st.integers(1, 12), st.integers(1, 12), st.data())
 def test_a_batch_is_free_cells_exactly_as_many_and_the_same_under_a_seed(rows, columns, data):
     count, seed = rows * columns, data.draw(st.integers(0, 1000))
@@ -138,7 +137,6 @@ def test_cells_are_drawn_where_the_doubt_is():
     ).mean() < 0.3  # the regime is certain everywhere: exploring evenly
 
 
-@settings(deadline=None)
 @given(st.integers(1, 20), st.integers(1, 20), st.integers(0, 50), st.data())
 def test_the_start_is_allowed_cells_exactly_as_many(rows, columns, seed, data):
     allowed = np.random.default_rng(seed).random(rows * columns) < data.draw(st.floats(0.2, 1.0))

@@ -122,7 +122,6 @@ def test_wrong_settings_are_refused(options, word):
         Settings(**options)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "mass, bearing_number, word",
     [

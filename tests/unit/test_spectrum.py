@@ -39,7 +39,7 @@ def test_a_line_between_two_orders_is_seen_at_most_15_percent_low():
     assert found.amplitude.max() == pytest.approx(0.2 * 0.8488, rel=2e-3)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(16, 501), st.sampled_from(WINDOWS), st.integers(0, 1000))
 def test_parseval(n, window, seed):
     """The windowed signal's mean square is that of the amplitudes: half of each square, the whole
