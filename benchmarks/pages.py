@@ -1,7 +1,7 @@
 """Seconds that a user waits for the dashboard in Chromium on a warm server: alone, and with a
 second user at once.
 
-    python benchmarks/pages.py [--floor]
+    python benchmarks/pages.py [--floor | --against CHECKOUT]
 
 The second user is measured twice: at another machine, whose browser takes nothing from this one's
 cores, as a session over Streamlit's websocket that fetches the scripts, opens pages and sets points
@@ -11,7 +11,11 @@ machine's clock drifts.
 
 With ``--floor`` only what Streamlit and Plotly take by themselves, alone and with a second browser
 that opens the page in the same moment: the first view of an empty page, and of one with a chart of
-two points."""
+two points.
+
+With ``--against`` the same walk alone, in turns on this dashboard and on that of another checkout,
+served by the Python in its ``.venv``. Pages go by the names of their files; those that only one of
+them has are left out."""
 
 import argparse
 import asyncio
@@ -267,11 +271,40 @@ def floor():
         )
 
 
+async def walks(addresses):
+    """What each of some dashboards takes, walked alone in turns: lists of seconds by action."""
+    async with async_playwright() as p:
+        browser = await p.chromium.launch(executable_path=find_chromium(), args=["--no-sandbox"])
+        found = [{} for _ in addresses]
+        for turn in range(TURNS + 1):
+            for kept, address in zip(found, addresses, strict=True):
+                walked = await journey(browser, address, turn)
+                for action, seconds in walked.items() if turn else ():  # the first warms the server
+                    kept.setdefault(action, []).extend(seconds)
+        await browser.close()
+    return found
+
+
+def against(other):
+    with dashboard() as address, dashboard(root=other, python=other / ".venv/bin/python") as before:
+        new, old = asyncio.run(walks([address, before]))
+    print(f"{'':34s} {'that one':>9s} {'this one':>9s}")
+    for action in (action for action in new if action in old):
+        a, b = statistics.median(old[action]), statistics.median(new[action])
+        print(f"{action:34s} {a:8.2f}s {b:8.2f}s {b / a:6.2f} x")
+    for name, one, rest in (("that", old, new), ("this", new, old)):
+        print(f"only {name} one:", ", ".join(action for action in one if action not in rest))
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--floor", action="store_true")
-    if parser.parse_args().floor:
+    parser.add_argument("--against", type=Path, metavar="CHECKOUT")
+    asked = parser.parse_args()
+    if asked.floor:
         return floor()
+    if asked.against:
+        return against(asked.against.resolve())
     with dashboard() as address:
         one, beside, both = asyncio.run(measure(address))
     print(f"{'':34s} {'alone':>7s} {'goal':>6s} {'second elsewhere':>17s} {'on these cores':>17s}")

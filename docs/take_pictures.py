@@ -26,14 +26,16 @@ def free_port():
 
 
 @contextmanager
-def server(script="app.py", root=ROOT, log=subprocess.DEVNULL, **environment):
+def server(
+    script="app.py", root=ROOT, log=subprocess.DEVNULL, python=sys.executable, **environment
+):
     """A script of a checkout served by Streamlit on a free port of this machine; yields the process
     and the port.
     """
     port = free_port()
     options = ["--server.port", str(port), "--server.headless", "true"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "streamlit", "run", str(script), *options],
+        [str(python), "-m", "streamlit", "run", str(script), *options],
         cwd=root,
         stdout=log,
         stderr=log,
@@ -53,9 +55,9 @@ def server(script="app.py", root=ROOT, log=subprocess.DEVNULL, **environment):
 
 
 @contextmanager
-def dashboard(script="app.py", root=ROOT):
+def dashboard(script="app.py", root=ROOT, python=sys.executable):
     """The app, or another script, served as :func:`server` does; yields its address."""
-    with server(script, root) as (_, port):
+    with server(script, root, python=python) as (_, port):
         yield f"http://127.0.0.1:{port}"
 
 

@@ -2,6 +2,8 @@
 better.
 """
 
+from dataclasses import asdict
+
 import streamlit as st
 
 from spab_core.design.tolerances import VALUES, parse_list
@@ -21,7 +23,14 @@ from spab_core.ui.drawings import (
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.point_bar import point_bar
 from spab_core.ui.shared import errors_in_words, page_head
-from spab_core.ui.view import DRAW_TABS, DRAWN, WISH_PAIRS, choice, number_field
+from spab_core.ui.view import (
+    DRAW_TABS,
+    DRAWN,
+    WISH_PAIRS,
+    choice,
+    chosen_limits,
+    number_field,
+)
 
 page_head("tolerances and better drawings")
 st.markdown("# Tolerances, better drawings")
@@ -37,6 +46,7 @@ def request() -> dict[str, object]:
         "rotor_mass": machine.rotor_mass,
         "speed_rpm": machine.speed_rpm,
         "axis": st.session_state["draw_axis"],
+        "limits": asdict(chosen_limits()),
     }
 
 

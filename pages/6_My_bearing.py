@@ -26,6 +26,7 @@ from spab_core.ui.view import (
     AGAINST,
     choice,
     chosen_design,
+    chosen_limits,
     chosen_point,
     design_option,
     point_options,
@@ -41,7 +42,7 @@ def verdict(found: Derived) -> None:
     if point:
         point_verdict(point)
     else:
-        assessment_box(assess(design, None, found))
+        assessment_box(assess(design, None, found, chosen_limits()))
     st.caption(
         "First line: the motion with unbalance, from a cold start. Second line: linear theory "
         "around the static equilibrium, without unbalance."

@@ -156,11 +156,13 @@ if shown:
         if cell is None:
             st.warning("The chosen point lies outside this map.")
         else:
-            words, grade = own_map.cell_words(found, cell), str(m.grades()[cell])
-            if grade == "good" and not refined.solved[cell]:
+            words, judged = own_map.cell_words(found, cell), own_map.cell_assessment(found, cell)
+            if judged.grade != str(m.grades()[cell]):
+                words += f" **With its equilibrium: {judged.words}**; {judged.reasons[0]}."
+            if judged.grade == "good" and not refined.solved[cell]:
                 st.info(words, icon=":material/info:")  # green is for what was solved
             else:
-                grade_box(words, grade)
+                grade_box(words, judged.grade)
         by_grade, by_regime = own_map.shares(found)
         tiles = {"Solved cells": f"{int(refined.solved.sum()):,}"}
         tiles |= {GRADE_WORDS[g].capitalize(): f"{100 * s:.1f} %" for g, s in by_grade.items()}

@@ -1,5 +1,7 @@
 """What if: how the margin moves with the drawing, what a run-up crosses, two designs compared."""
 
+from dataclasses import asdict
+
 import pandas as pd
 import streamlit as st
 
@@ -32,6 +34,7 @@ from spab_core.ui.view import (
     WHAT_TABS,
     choice,
     chosen_design,
+    chosen_limits,
     chosen_point,
     design_option,
     number_field,
@@ -77,6 +80,7 @@ def change_the_drawing() -> None:
             "axis": axis,
             "step": step / 100.0,
             "scan": int(scan),
+            "limits": asdict(chosen_limits()),
         }
         job = job_panel(
             "sensitivity",
@@ -198,7 +202,7 @@ def two_designs() -> None:
                     continue
                 point_verdict(point)
                 st.plotly_chart(orbit_figure(point), key=f"two_{len(columns)}", width="stretch")
-                judged[title] = point.assessment().grade
+                judged[title] = point.assessment(chosen_limits()).grade
                 columns[title] = point_rows(point)
         if len(judged) == len(sides):
             better = min(judged, key=lambda title: GRADES.index(judged[title]))

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -116,7 +117,7 @@ def _map(args: Namespace) -> Answer:
         save_map(result, args.out)
     regimes = zip(result.regime.ravel().tolist(), result.status.ravel().tolist(), strict=True)
     counts = dict(sorted(Counter(regime or status for regime, status in regimes).items()))
-    grades = result.grades(limits)
+    grades = replace(result, limits=limits).grades()
     assessed = {grade: int((grades == grade).sum()) for grade in GRADES}
     if not args.json:
         print(f"{args.out}: " + ", ".join(f"{name} {count}" for name, count in counts.items()))
@@ -161,8 +162,9 @@ def _bifurcation(args: Namespace) -> Answer:
     intervals = {
         name: chaotic_intervals(values, branch.regime) for name, branch in result.branches.items()
     }
-    table = interval_table(result, sweeps, limits)
-    verdicts = {name: line_verdict(result, name, limits) for name in result.branches}
+    judged = replace(result, limits=limits)
+    table = interval_table(judged, sweeps)
+    verdicts = {name: line_verdict(judged, name) for name in judged.branches}
     if not args.json:
         for name, (_, words) in verdicts.items():
             print(f"{args.out}: {name}: {words}")

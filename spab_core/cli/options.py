@@ -149,7 +149,7 @@ _SHARED: dict[str, dict[str, Any]] = {
 
 
 # of what is good: option, attribute of Limits, what one of it is there, help
-_LIMITS = (
+LIMITS = (
     (
         "--least-film",
         "least_film",
@@ -176,7 +176,7 @@ _LIMITS = (
 
 def add_limits(parser: argparse._ActionsContainer) -> None:
     """Add the options of what is good."""
-    for name, attribute, unit, text in _LIMITS:
+    for name, attribute, unit, text in LIMITS:
         usual = getattr(DEFAULT_LIMITS, attribute)
         left_out = "" if usual is None else f"; default: {usual / unit:g}"
         parser.add_argument(
@@ -188,7 +188,7 @@ def limits_of(args: argparse.Namespace) -> Limits:
     """Return the limits of what is good."""
     given = {
         attribute: getattr(args, f"limit_{attribute}") * unit
-        for _, attribute, unit, _ in _LIMITS
+        for _, attribute, unit, _ in LIMITS
         if getattr(args, f"limit_{attribute}") is not None
     }
     return dataclasses.replace(DEFAULT_LIMITS, **given)

@@ -33,6 +33,7 @@ from spab_core.maps.sensitivity import (
     variations,
 )
 from spab_core.maps.stability_map import axis
+from spab_core.trajectory.assessment import DEFAULT_LIMITS, Limits
 from spab_core.trajectory.compiling import compile_once
 from spab_core.trajectory.point import solve_point
 from spab_core.trajectory.point_file import save_point
@@ -131,6 +132,16 @@ def _floor(given: Any) -> float | None:
     from spab_core.surrogates.models import FLOORS
 
     return None if given is None else check_number("floor", given, *FLOORS, "per revolution")
+
+
+def _limits(given: Any) -> Values:
+    """Return what a designer allows as plain values."""
+    try:
+        return asdict(Limits(**given))
+    except TypeError:
+        raise InputError(
+            f"limits = {str(given)[:60]!r}: allowed are {', '.join(asdict(DEFAULT_LIMITS))}"
+        ) from None
 
 
 def _settings(given: Any, design: Any) -> Values:
@@ -240,9 +251,11 @@ class _SensitivityRequest:
     step: Any = STEP
     scan: Any = SCAN
     settings: Any = field(default_factory=SETTINGS.to_dict)
+    limits: Any = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         design = Design.from_dict(self.design)
+        self.limits = _limits(self.limits)
         check_margin(design, self.rotor_mass, self.speed_rpm, self.axis, self.scan)
         self.design = design.to_dict()
         self.rotor_mass, self.speed_rpm = float(self.rotor_mass), float(self.speed_rpm)
@@ -256,6 +269,7 @@ def _run_sensitivity(
     given = parameters | {
         "design": Design.from_dict(parameters["design"]),
         "settings": Settings(**parameters["settings"]),
+        "limits": Limits(**parameters["limits"]),
     }
     set_total(1 + len(variations(given["design"], given["step"])))
     save_sensitivity(
@@ -276,6 +290,14 @@ def _texts(given: Any, name: str) -> dict[str, Any]:
     return {str(key): text for key, text in given.items()}
 
 
+def _look(p: Values, **more: Any) -> Any:
+    """Return how a request's machines are solved and judged."""
+    from spab_core.drawings.look import Look
+
+    settings, limits = Settings(**p["settings"]), Limits(**p["limits"])
+    return Look(p["axis"], p["reach"], settings=settings, limits=limits, **more)
+
+
 @dataclass(kw_only=True)
 class _ToleranceRequest:
     design: Any = field(default_factory=dict)
@@ -289,13 +311,14 @@ class _ToleranceRequest:
     wanted: Any = None
     seed: Any = 0
     settings: Any = field(default_factory=dict)
+    limits: Any = field(default_factory=dict)
     dask: Any = ""
 
     def __post_init__(self) -> None:
         from spab_core.active_learning.quick_map import check_cluster
         from spab_core.design.tolerances import VALUES, Machine, parse_tolerances
         from spab_core.drawings import tolerance
-        from spab_core.drawings.look import REACH, Look
+        from spab_core.drawings.look import REACH
 
         machine = Machine.from_dict(vars(self))
         found = parse_tolerances(_texts(self.tolerances, "tolerances"))
@@ -304,7 +327,8 @@ class _ToleranceRequest:
         self.half_width = tolerance.HALF_WIDTH if self.half_width is None else self.half_width
         self.wanted = tolerance.WANTED if self.wanted is None else self.wanted
         self.settings = _settings(self.settings, self.design)
-        look = Look(self.axis, self.reach, settings=Settings(**self.settings))
+        self.limits = _limits(self.limits)
+        look = _look(vars(self))
         check = tolerance.check_study
         check(machine, found, look, self.machines, self.half_width, self.wanted)
         self.machines, self.seed = int(self.machines), _check_seed(self.seed)
@@ -317,7 +341,6 @@ class _ToleranceRequest:
 
 def _run_tolerance(folder: Path, parameters: Values, advance: Advance, set_total: SetTotal) -> None:
     from spab_core.design.tolerances import Machine, parse_tolerances
-    from spab_core.drawings.look import Look
     from spab_core.drawings.tolerance import save_study, tolerance_study
 
     p = parameters
@@ -325,7 +348,7 @@ def _run_tolerance(folder: Path, parameters: Values, advance: Advance, set_total
     study = tolerance_study(
         Machine.from_dict(p),
         parse_tolerances(p["tolerances"]),
-        Look(p["axis"], p["reach"], settings=Settings(**p["settings"])),
+        _look(p),
         most=p["machines"],
         half_width=p["half_width"],
         wanted=p["wanted"],
@@ -357,6 +380,7 @@ class _ImproveRequest:
     solved: Any = None
     seed: Any = 0
     settings: Any = field(default_factory=dict)
+    limits: Any = field(default_factory=dict)
     dask: Any = ""
 
     def __post_init__(self) -> None:
@@ -378,6 +402,7 @@ class _ImproveRequest:
         found = parse_tolerances(_texts(self.tolerances, "tolerances"))
         self.settings, self.ranges = _settings(self.settings, self.design), ranges
         self.tolerances = {VALUES[t.name].key: t.text for t in found}
+        self.limits = _limits(self.limits)
         machine, look, _ = _improving(vars(self))
         by_name = {key.replace(".", "__"): (b[0], b[1]) for key, b in ranges.items()}
         improve.check_improve(
@@ -393,10 +418,9 @@ def _improving(p: Values) -> tuple[Any, Any, Any]:
     """Return machine, look and what must hold of a request to improve."""
     from spab_core.design.tolerances import Machine
     from spab_core.drawings.improve import PRECISION, Holds
-    from spab_core.drawings.look import Look
 
     flow = float("inf") if p["most_gas_flow"] is None else p["most_gas_flow"]
-    look = Look(p["axis"], p["reach"], p["load"], PRECISION, settings=Settings(**p["settings"]))
+    look = _look(p, load=p["load"], precision=PRECISION)
     return (
         Machine.from_dict(p),
         look,

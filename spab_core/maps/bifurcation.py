@@ -125,6 +125,8 @@ class Bifurcation:
         :class:`Branch` by sweep.
     metadata : dict
         As in a map.
+    limits : Limits
+        By which points are judged; of whoever reads the line, not kept with it.
     """
 
     vary: str
@@ -132,20 +134,21 @@ class Bifurcation:
     values: np.ndarray
     branches: dict[str, Branch]
     metadata: dict[str, Any]
+    limits: Limits = DEFAULT_LIMITS
 
     @property
     def design(self) -> Design:
         """The design that the line was computed for."""
         return Design.from_dict(self.metadata["design"])
 
-    def judged(self, sweep: str, limits: Limits = DEFAULT_LIMITS) -> tuple[np.ndarray, np.ndarray]:
+    def judged(self, sweep: str) -> tuple[np.ndarray, np.ndarray]:
         """Return the assessment of each point of a sweep by its motion alone, and the kind of its
         gravest trouble; (n,) of str each
         (:func:`spab_core.trajectory.assessment.gravest`).
         """
         branch = self.branches[sweep]
         motions = Motion(*(getattr(branch, name) for name in Motion._fields))
-        return gravest(self.design, motions, limits)
+        return gravest(self.design, motions, self.limits)
 
 
 def _point_at(vary: str, at: float, value: float) -> tuple[float, float]:
@@ -413,9 +416,9 @@ def bands(grades: np.ndarray, kinds: np.ndarray) -> list[Band]:
     return found
 
 
-def line_verdict(line: Bifurcation, sweep: str, limits: Limits = DEFAULT_LIMITS) -> tuple[str, str]:
+def line_verdict(line: Bifurcation, sweep: str) -> tuple[str, str]:
     """Return the worst grade of a sweep, and the verdict on it in a sentence."""
-    grades, kinds = line.judged(sweep, limits)
+    grades, kinds = line.judged(sweep)
     shares = {grade: float((grades == grade).mean()) for grade in GRADES[::-1]}
     worst = next(grade for grade, share in shares.items() if share)
     told = []
@@ -428,9 +431,7 @@ def line_verdict(line: Bifurcation, sweep: str, limits: Limits = DEFAULT_LIMITS)
     return worst, f"By the motion alone: {words}."
 
 
-def interval_table(
-    line: Bifurcation, sweeps: Sequence[str], limits: Limits = DEFAULT_LIMITS
-) -> pd.DataFrame:
+def interval_table(line: Bifurcation, sweeps: Sequence[str]) -> pd.DataFrame:
     """Return the bands of a line by what the motion is worth.
 
     Parameters
@@ -438,8 +439,6 @@ def interval_table(
     line : Bifurcation
     sweeps : sequence of str
         Of those of the line.
-    limits : Limits
-        By which the motions are judged.
 
     Returns
     -------
@@ -451,7 +450,7 @@ def interval_table(
         (name, band.grade, band.why, line.values[band.first], line.values[band.last])
         for name in line.branches
         if name in sweeps
-        for band in bands(*line.judged(name, limits))
+        for band in bands(*line.judged(name))
     ]
     table = pd.DataFrame(rows, columns=["sweep", "assessment", "why", "first", "last"])
     if line.vary == "bearing-number":

@@ -270,5 +270,5 @@ def compute_map(
         "steps": int(found["steps"].sum()),
         "workers": workers if cluster is None else "dask",
     }
-    arrays = {name: found[name].reshape(shape) for name in FIELDS}
+    arrays: dict[str, Any] = {name: found[name].reshape(shape) for name in FIELDS}
     return StabilityMap(bearing_number, rotor_mass, **arrays, metadata=metadata)

@@ -44,6 +44,7 @@ from spab_core.trajectory.assessment import (
     LIGHTLY_DAMPED,
     NEAR_FILM,
     NOT_LIFTED,
+    OUTSIDE,
     QUASI_PERIODIC,
     RAISED_ECCENTRICITY,
     RESONANCE,
@@ -92,7 +93,7 @@ _OF_MOTION = _REGIMES | {
     NEAR_FILM,
     RAISED_ECCENTRICITY,
 }
-_OF_REST = frozenset({RESONANCE, NOT_LIFTED, UNSTABLE, LIGHTLY_DAMPED})
+_OF_REST = frozenset({RESONANCE, NOT_LIFTED, UNSTABLE, LIGHTLY_DAMPED, OUTSIDE})
 _ROUGH = _REGIMES | _OF_REST | {UNDECIDED, LARGE_ORBIT}
 Progress = Callable[[int], None]
 
@@ -152,7 +153,7 @@ class Limit:
     distance : float
         Root of the sum of squares of the relative changes of mass and speed.
     detail : str
-        Which other motion there is, where that is the trouble.
+        Which other motion there is, or which assumption does not hold, where that is the trouble.
     """
 
     axis: str
@@ -536,7 +537,7 @@ class Side:
                     mass,
                     point.design.speed_rpm(number),
                     math.hypot(*changes),
-                    _detail(there.beside) if kind == COEXISTING else "",
+                    _detail(kind, there),
                 )
             )
         return told
@@ -547,8 +548,13 @@ def _within(value: float, ends: tuple[float, float]) -> float:
     return min(max(value, ends[0]), ends[1])
 
 
-def _detail(other: OperatingPoint | None) -> str:
-    """Return what another motion is, in a few words."""
+def _detail(kind: str, found: Found) -> str:
+    """Return which assumption does not hold, or what another motion is, in a few words."""
+    rest, other = found.point.rest, found.beside
+    if kind == OUTSIDE and rest:
+        return next((a.name for a in rest.assumptions if a.watched and not a.holds), "")
+    if kind != COEXISTING:
+        return ""
     if other is None or other.regime is None:
         return "a failed run"
     words = motion_words(other.regime.name, other.regime.period)

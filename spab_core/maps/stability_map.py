@@ -101,6 +101,8 @@ class StabilityMap:
     orbit_amplitude, thin_film_share, peak_contact_force : ndarray, (B, M)
         As the attributes of :class:`OperatingPoint` of these names, the force in N; nan where they
         are not known.
+    limits : Limits
+        By which cells are judged; of whoever reads the map, not kept with it.
     """
 
     bearing_number: np.ndarray
@@ -117,6 +119,7 @@ class StabilityMap:
     orbit_amplitude: np.ndarray = field(default_factory=_unknown)
     thin_film_share: np.ndarray = field(default_factory=_unknown)
     peak_contact_force: np.ndarray = field(default_factory=_unknown)
+    limits: Limits = DEFAULT_LIMITS
 
     def __post_init__(self) -> None:
         for name in OPTIONAL:
@@ -133,12 +136,16 @@ class StabilityMap:
         """The design that the map was computed for."""
         return Design.from_dict(self.metadata["design"])
 
-    def grades(self, limits: Limits = DEFAULT_LIMITS) -> np.ndarray:
+    def grades(self) -> np.ndarray:
         """Return the assessment of each cell by its motion alone, (B, M) of str
         (:func:`spab_core.trajectory.assessment.grades`).
         """
         motions = Motion(*(getattr(self, name) for name in Motion._fields))
-        return grades(self.design, motions, limits)
+        return grades(self.design, motions, self.limits)
+
+    def motion(self, row: int, column: int) -> Motion:
+        """Return what the rules look at in a cell, as single values."""
+        return Motion(*(getattr(self, name)[row, column].item() for name in Motion._fields))
 
     def nearest(self, rotor_mass: float, bearing_number: float) -> tuple[int, int]:
         """Return the indices (bearing number, rotor mass) of the nearest cell."""

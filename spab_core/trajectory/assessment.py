@@ -51,6 +51,7 @@ KINDS = {  # of trouble: what it is called in a sentence
     RAISED_ECCENTRICITY: "a raised eccentricity",
     UNSTABLE: "instability at rest",
     LIGHTLY_DAMPED: "light damping at rest",
+    OUTSIDE: "conditions outside the theory",
     COEXISTING: "another motion beside the one from rest",
     UNKNOWN: "something that is not known",
 }
@@ -59,6 +60,11 @@ NEAR = 1.5  # a film is watched up to this many times its limit
 FEWEST_MICRONS, ASPERITIES = 3e-6, 5.0  # of the usual limit of the film: m, roughness lengths
 LIGHT = 0.1  # logarithmic decrement under which a whirl is lightly damped
 RESONANT = 8.0  # amplification from which on a speed near the mode is avoided
+
+
+# allowed for what a designer allows: µm; over the clearance; times the margin of API 617
+LEAST_FILMS, ECCENTRICITIES = (0.0, 1000.0), (0.05, 1.0)
+ORBITS, SEPARATIONS = (0.01, 1.0), (0.0, 5.0)
 
 
 @dataclass(frozen=True)
@@ -94,11 +100,11 @@ class Limits:
 
     def __post_init__(self) -> None:
         if self.least_film is not None:
-            check_number("least film", 1e6 * self.least_film, 0.0, 1000.0, "µm")
-        check_number("largest eccentricity", self.eccentricity, 0.05, 1.0)
+            check_number("least film", 1e6 * self.least_film, *LEAST_FILMS, "µm")
+        check_number("largest eccentricity", self.eccentricity, *ECCENTRICITIES)
         check_number("calm eccentricity", self.calm_eccentricity, 0.0, self.eccentricity)
-        check_number("largest orbit", self.orbit, 0.01, 1.0)
-        check_number("separation", self.separation, 0.0, 5.0)
+        check_number("largest orbit", self.orbit, *ORBITS)
+        check_number("separation", self.separation, *SEPARATIONS)
 
     def film(self, design: Design) -> float:
         """Return the thinnest film allowed in a design, m."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 from collections.abc import Sequence
 from functools import partial
 from itertools import combinations
@@ -25,6 +26,7 @@ from spab_core.plotting.lines import bifurcation_figure
 from spab_core.shipped.manifest import ARTIFACTS, load_reference_bifurcation
 from spab_core.ui.downloads import downloads
 from spab_core.ui.verdict import grade_box, grade_label
+from spab_core.ui.view import chosen_limits
 
 _LABELS = {"rotor-mass": "kg", "bearing-number": "Λ"}
 
@@ -41,8 +43,9 @@ def shipped_line(name: str) -> Bifurcation:
 
 
 def line_of_job(job: Job) -> Bifurcation:
-    """The line that a job has computed. Raises ``InputError``."""
-    return _load(job.result, job.finished or 0.0, False)
+    """The line that a job has computed, judged by the chosen limits. Raises ``InputError``."""
+    line = _load(job.result, job.finished or 0.0, False)
+    return dataclasses.replace(line, limits=chosen_limits())
 
 
 def done_with_more(kind: str, parameters: dict[str, Any]) -> Job | None:

@@ -23,8 +23,10 @@ from spab_core.common.errors import InputError
 from spab_core.design.model import Design
 from spab_core.maps.solved_margin import SolvedMargin, solve_margin
 from spab_core.plotting.margin import margin_figure
+from spab_core.trajectory.assessment import DEFAULT_LIMITS, Limits
 from spab_core.ui.plain_picture import plotly_wanted
 from spab_core.ui.solving import LIVE, waits_for_compiler
+from spab_core.ui.view import chosen_limits
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -39,7 +41,7 @@ _EVERY = 0.5  # seconds between two looks
 _THREADS = min(2, os.cpu_count() or 1)
 _LOOKED_AT = "_margin"  # the margin that the session looks at
 _ASKED = "_margins_asked"  # those whose button it pressed
-_Key = tuple[Design, float, float]
+_Key = tuple[Design, float, float, Limits]  # of a point, and by which it is judged
 
 
 class _LeftError(Exception):
@@ -81,15 +83,21 @@ class _Run(futures.Executor):
         step_back()
         time.sleep(_DELAY)
         try:
+            design, mass, number, limits = key
             self.near = solve_margin(
-                *key,
+                design,
+                mass,
+                number,
                 LIVE,
+                limits,
                 points=NEAR_POINTS,
                 span=NEAR,
                 precision=NEAR_PRECISION,
                 pool=self,
             )
-            keep(solve_margin(*key, LIVE, pool=self, progress=self._progress))
+            keep(
+                solve_margin(design, mass, number, LIVE, limits, pool=self, progress=self._progress)
+            )
         except _LeftError:
             pass
         except InputError as error:
@@ -176,9 +184,11 @@ def _store() -> _Store:
     return _Store()
 
 
-def kept_margin(design: Design, rotor_mass: float, bearing_number: float) -> SolvedMargin | None:
+def kept_margin(
+    design: Design, rotor_mass: float, bearing_number: float, limits: Limits = DEFAULT_LIMITS
+) -> SolvedMargin | None:
     """The solved margin of a point, if it was asked for before."""
-    return _store().get((design, rotor_mass, bearing_number))
+    return _store().get((design, rotor_mass, bearing_number, limits))
 
 
 def margin_words(found: SolvedMargin) -> str:
@@ -187,10 +197,10 @@ def margin_words(found: SolvedMargin) -> str:
 
 
 def margin_panel(design: Design, rotor_mass: float, bearing_number: float) -> None:
-    """The solved margin of a point in words and as a figure; solved beside the page if it is not
-    yet.
+    """The solved margin of a point by the chosen limits, in words and as a figure; solved beside
+    the page if it is not yet.
     """
-    key = design, rotor_mass, bearing_number
+    key = design, rotor_mass, bearing_number, chosen_limits()
     before, st.session_state[_LOOKED_AT] = st.session_state.get(_LOOKED_AT), key
     if before not in (None, key):
         _store().leave(before)

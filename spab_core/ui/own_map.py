@@ -4,6 +4,7 @@ list.
 
 from __future__ import annotations
 
+import dataclasses
 import datetime
 from contextlib import suppress
 from dataclasses import dataclass
@@ -29,9 +30,23 @@ from spab_core.plotting.map import hover, map_figure, mark_trace
 from spab_core.reporting.export import map_table
 from spab_core.shipped.manifest import ARTIFACTS
 from spab_core.shipped.preset_maps import MAPS, PresetMap, load_preset_map, map_of_design, others
-from spab_core.trajectory.assessment import GRADE_WORDS, GRADES
+from spab_core.trajectory.assessment import (
+    DEFAULT_LIMITS,
+    GRADE_WORDS,
+    GRADES,
+    Assessment,
+    assess,
+)
+from spab_core.trajectory.compiling import is_linear_compiled
 from spab_core.trajectory.regimes import REGIMES
-from spab_core.ui.view import PROBABILITY, chosen_design, chosen_point, design_option
+from spab_core.ui.bearing import derived_now
+from spab_core.ui.view import (
+    PROBABILITY,
+    chosen_design,
+    chosen_limits,
+    chosen_point,
+    design_option,
+)
 
 Found = tuple[Refinement, StabilityMap]  # solved, and filled
 COUNTS = {"own_numbers": 170, "own_masses": 250}  # cells of a new map along its sides
@@ -78,7 +93,7 @@ def shown_job(job: Job | None) -> Shown | None:
 def shown_example(one: PresetMap) -> Shown:
     """A shipped map. Raises ``InputError`` where it is stale, missing or damaged."""
     path = ARTIFACTS / one.file
-    found = _load_example(one.file, path.stat().st_mtime if path.exists() else 0.0)
+    found = _judged(_load_example(one.file, path.stat().st_mtime if path.exists() else 0.0))
     words = f"Shipped example: {one.label}"
     return Shown(one.file, words, path, found, one.command(int(found[0].solved.sum())), one)
 
@@ -88,6 +103,11 @@ def _load_example(name: str, stamp: float) -> Found:
     one = next(m for m in MAPS if m.file == name)
     found = load_preset_map(one)
     return found, as_map(found)
+
+
+def _judged(found: Found) -> Found:
+    """The same, its cells judged by the chosen limits."""
+    return found[0], dataclasses.replace(found[1], limits=chosen_limits())
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)
@@ -103,7 +123,7 @@ def published(job: Job | None) -> Found | None:
     """
     if job is None or not job.result.is_file():
         return None
-    return _load(job.result, job.result.stat().st_mtime)
+    return _judged(_load(job.result, job.result.stat().st_mtime))
 
 
 def map_job(parameters: dict[str, Any]) -> Job | None:
@@ -330,11 +350,24 @@ def cell_words(found: Found, cell: tuple[int, int]) -> str:
     text = m.cell_text(*cell).partition(",")[0]
     if r.solved[cell]:
         return f"The cell of this point is solved: {text}, by its motion {words}."
-    sure = f" with a probability of {100 * r.certainty[cell]:.0f} %" if r.judged else ""
+    told = r.judged and m.limits == DEFAULT_LIMITS  # which a map's solver sought the borders of
+    sure = f" with a probability of {100 * r.certainty[cell]:.0f} %" if told else ""
     return (
         f"The cell of this point is predicted, not solved: {text}, by its motion {words}{sure}. "
         "Solving the point settles it."
     )
+
+
+def cell_assessment(found: Found, cell: tuple[int, int]) -> Assessment:
+    """Judge a cell by its motion and, where linear theory needs no compiling, by its equilibrium,
+    which is otherwise told as not known.
+    """
+    m, (row, column) = found[1], cell
+    rest = None
+    if is_linear_compiled(m.design):
+        at = float(m.rotor_mass[column]), float(m.bearing_number[row])
+        rest = derived_now(m.design, *at)
+    return assess(m.design, m.motion(row, column), rest, m.limits)
 
 
 def command_of(job: Job) -> str:

@@ -20,7 +20,7 @@ from spab_core.reporting.report import (
     report_html,
     report_pdf,
 )
-from spab_core.trajectory.assessment import DEFAULT_LIMITS
+from spab_core.trajectory.assessment import DEFAULT_LIMITS, Limits
 from spab_core.trajectory.point import OperatingPoint
 from spab_core.trajectory.provenance import film_nodes
 from spab_core.ui.downloads import file_button
@@ -30,7 +30,7 @@ from spab_core.ui.own_map import Shown, cell_of, cell_words, own_figure
 from spab_core.ui.shared import errors_in_words
 from spab_core.ui.solving import live_point
 from spab_core.ui.verdict import assumed_words
-from spab_core.ui.view import OWN_LAYERS, design_words
+from spab_core.ui.view import OWN_LAYERS, chosen_limits, design_words, limits_option
 
 
 def report_downloads(
@@ -69,6 +69,8 @@ def report_buttons(
             st.session_state["author"],
             design_words(),
             assumed_words(),
+            chosen_limits(),
+            limits_option(),
         )
         more = sections_of(design, rotor_mass, design.speed_rpm(bearing_number))
         html = partial(_html, head, shown, point, more)
@@ -91,6 +93,8 @@ class Head:
     author: str
     design: str
     assumed: list[str]
+    limits: Limits
+    options: str  # of a command, for those limits
 
 
 def _html(
@@ -99,14 +103,14 @@ def _html(
     point: OperatingPoint,
     more: Sequence[Section],
 ) -> str:
-    solved = kept_margin(point.design, point.rotor_mass, point.bearing_number)
+    solved = kept_margin(point.design, point.rotor_mass, point.bearing_number, head.limits)
     told = solved.sentences() if solved else []
     if shown:
         cell = cell_of(shown.found[1], point.rotor_mass, point.bearing_number)
         told.append(
             cell_words(shown.found, cell) if cell else "The operating point is outside the map."
         )
-    sections = [_point_section(point)]
+    sections = [_point_section(point, head.limits)]
     if told:
         figures = {"What stands along speed and mass": margin_figure(solved)} if solved else {}
         sections.append(Section("Margin", told, figures=figures))
@@ -116,17 +120,22 @@ def _html(
     sections.append(design_section(point.design))
     at_point = f"--rotor-mass {point.rotor_mass:g} --bearing-number {point.bearing_number:.6g}"
     commands = [
-        f"spab simulate --design my.toml {at_point}",
-        f"spab margin --design my.toml {at_point}",
+        f"spab simulate --design my.toml {at_point}{head.options}",
+        f"spab margin --design my.toml {at_point}{head.options}",
         *([shown.command] if shown else []),
     ]
-    box = summary(point, solved, head.assumed)
+    box = summary(point, solved, head.assumed, head.limits)
     lines = {"Project": head.project, "Author": head.author, "Design": head.design}
     title = "Rotor on spherical porous gas bearings"
     return report_html(title, sections, commands, box=box, head=lines)
 
 
-def summary(point: OperatingPoint, solved: SolvedMargin | None, assumed: Sequence[str]) -> Summary:
+def summary(
+    point: OperatingPoint,
+    solved: SolvedMargin | None,
+    assumed: Sequence[str],
+    allowed: Limits = DEFAULT_LIMITS,
+) -> Summary:
     """What a report begins with: verdict, limits in the machine's units, assumptions.
 
     Parameters
@@ -136,8 +145,10 @@ def summary(point: OperatingPoint, solved: SolvedMargin | None, assumed: Sequenc
         Its margin.
     assumed : sequence of str
         Values that nobody gave.
+    allowed : Limits
+        By which point and margin are judged.
     """
-    judged = solved.assessment if solved else point.assessment()
+    judged = solved.assessment if solved else point.assessment(allowed)
     design, rpm = point.design, point.design.speed_rpm(point.bearing_number)
     clearance = 1e6 * design.bearing.clearance
     weight = point.rotor_mass * design.rotor.gravity
@@ -150,7 +161,7 @@ def summary(point: OperatingPoint, solved: SolvedMargin | None, assumed: Sequenc
             (
                 "Least film",
                 f"{1e6 * point.least_film:.1f} µm of {clearance:.4g} µm, limit "
-                f"{1e6 * judged_film(point):.1f} µm",
+                f"{1e6 * allowed.film(design):.1f} µm",
             ),
             ("Contact", f"{100 * point.contact_share:.1f} % of the time"),
         ]
@@ -165,13 +176,8 @@ def summary(point: OperatingPoint, solved: SolvedMargin | None, assumed: Sequenc
     return Summary(judged.grade, judged.motion, judged.rest, rows)
 
 
-def judged_film(point: OperatingPoint) -> float:
-    """The thinnest film allowed at a point, m."""
-    return DEFAULT_LIMITS.film(point.design)
-
-
-def _point_section(point: OperatingPoint) -> Section:
-    state, judged = point.rest, point.assessment()
+def _point_section(point: OperatingPoint, allowed: Limits) -> Section:
+    state, judged = point.rest, point.assessment(allowed)
     words = [point.verdict(), judged.rest]
     if judged.reasons:
         words.append(f"Why: {'; '.join(judged.reasons)}.")

@@ -8,12 +8,20 @@ from streamlit.delta_generator import DeltaGenerator
 from spab_core.design.form import AMBIENT, FIELDS, SUPPLY, to_form
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.design.model import Design, reference_design
+from spab_core.trajectory.assessment import (
+    DEFAULT_LIMITS,
+    ECCENTRICITIES,
+    LEAST_FILMS,
+    ORBITS,
+    SEPARATIONS,
+)
 from spab_core.ui.design_form import take_design
 from spab_core.ui.view import (
     EXAMPLE,
     NAME_LENGTH,
     PRESSURES,
     chosen_design,
+    chosen_limits,
     chosen_point,
     design_words,
     is_reference,
@@ -27,6 +35,40 @@ from spab_core.ui.view import (
 )
 
 _WIDTH = 150  # of a field, pixels
+_LIMITS = {  # label, ends, step and help by the key in the view
+    "least_film": (
+        "Least film, µm",
+        LEAST_FILMS,
+        0.5,
+        "A thinner one is to be avoided. 0: the larger of 3 µm and five roughness lengths",
+    ),
+    "max_eccentricity": (
+        "Largest eccentricity, over C",
+        ECCENTRICITIES,
+        0.05,
+        "A larger one is to be avoided",
+    ),
+    "calm_eccentricity": (
+        "Calm eccentricity, over C",
+        (0.0, 1.0),
+        0.05,
+        "A larger one is to be watched; at most the largest eccentricity",
+    ),
+    "max_orbit": (
+        "Largest orbit, over C",
+        ORBITS,
+        0.05,
+        "Of a whirl that does not repeat every revolution: a larger one is to be avoided; of one "
+        "that does: to be watched",
+    ),
+    "separation": (
+        "Separation from resonance",
+        SEPARATIONS,
+        0.1,
+        "Of a lightly damped vibration from the shaft speed, in times the margin of API 617; 0: "
+        "not judged",
+    ),
+}
 
 
 def _speed_typed(design: Design) -> None:
@@ -150,5 +192,16 @@ def point_bar(*, of_example: bool = False) -> DeltaGenerator:
         width=210,
         placeholder=EXAMPLE if is_reference() else "own design",
     )
-    note_live(("rotor_mass", "bearing_number", "supply_as", "name"))
+    with row.popover(
+        "Limits" if chosen_limits() == DEFAULT_LIMITS else "Limits, changed", icon=":material/rule:"
+    ):
+        _limit_fields()
+    note_live(("rotor_mass", "bearing_number", "supply_as", "name", *_LIMITS))
     return row
+
+
+def _limit_fields() -> None:
+    """What the designer calls good."""
+    st.caption("By which every motion on these pages is judged.")
+    for key, (label, ends, step, text) in _LIMITS.items():
+        st.number_input(label, *ends, None, key=key, step=step, format="%.6g", help=text)

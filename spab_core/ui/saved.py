@@ -4,6 +4,7 @@ it.
 
 from __future__ import annotations
 
+import dataclasses
 import datetime
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ from spab_core.jobs.store import (
 )
 from spab_core.maps.bifurcation import line_verdict, load_bifurcation
 from spab_core.maps.sensitivity import load_sensitivity
+from spab_core.trajectory.assessment import Limits
 from spab_core.trajectory.point_file import load_point
 from spab_core.trajectory.regimes import NO_EXPONENT
 from spab_core.ui.downloads import file_button
@@ -41,6 +43,7 @@ from spab_core.ui.shared import errors_in_words
 from spab_core.ui.view import (
     EXAMPLE,
     chosen_design,
+    chosen_limits,
     note_typed,
     set_design,
     set_point,
@@ -114,11 +117,11 @@ def _ends(axis: str) -> tuple[float, float]:
 
 
 @st.cache_resource(max_entries=64, show_spinner=False)
-def _headline(kind: str, path: Path, stamp: float) -> str:
+def _headline(kind: str, path: Path, stamp: float, limits: Limits) -> str:
     if kind == "point":
-        return load_point(path).assessment().motion
+        return load_point(path).assessment(limits).motion
     if kind == "bifurcation":
-        line = load_bifurcation(path)
+        line = dataclasses.replace(load_bifurcation(path), limits=limits)
         bands = (f"{name}: {line_verdict(line, name)[1]}" for name in line.branches)
         return f"{len(line.values)} points, {' '.join(bands)}"
     if kind == "map":
@@ -145,7 +148,7 @@ def headline(job: Job) -> str:
         far = f"{job.done:,} of {job.total:,}" if job.total else ""
         return ", ".join(filter(None, (far, job.message, time_left(job.seconds_left))))
     try:
-        return _headline(job.kind, job.result, job.result.stat().st_mtime)
+        return _headline(job.kind, job.result, job.result.stat().st_mtime, chosen_limits())
     except (InputError, OSError, ValueError) as error:
         return f"The result cannot be read: {error}."
 

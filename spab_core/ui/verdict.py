@@ -16,7 +16,13 @@ from spab_core.plotting.theme import GRADE_MARKS
 from spab_core.trajectory.assessment import GRADE_WORDS, Assessment
 from spab_core.trajectory.point import OperatingPoint
 from spab_core.ui.navigation import page_link
-from spab_core.ui.view import assumed_values, chosen_design, chosen_point, with_unit
+from spab_core.ui.view import (
+    assumed_values,
+    chosen_design,
+    chosen_limits,
+    chosen_point,
+    with_unit,
+)
 
 _BOXES: dict[str, tuple[Callable[..., Any], str]] = {  # by grade
     "good": (st.success, ":material/check_circle:"),
@@ -60,7 +66,7 @@ def assessment_box(found: Assessment) -> None:
 
 def point_verdict(point: OperatingPoint) -> None:
     """Show what a solved point does and what that is worth, and what was assumed for it."""
-    assessment_box(point.assessment())
+    assessment_box(point.assessment(chosen_limits()))
     if words := point.push_words():
         st.caption(words)
     if point.design == chosen_design():
@@ -147,7 +153,7 @@ def point_numbers(point: OperatingPoint) -> list[tuple[str, str, str]]:
 
 def point_rows(point: OperatingPoint) -> dict[str, str]:
     """Return a point's numbers with their units, by name, to stand beside another's."""
-    found, rest = point.assessment(), point.rest
+    found, rest = point.assessment(chosen_limits()), point.rest
     rows = {"assessment": grade_label(found.grade), "why": "; ".join(found.reasons[:1])}
     rows |= {label: value for label, value, _ in point_numbers(point)}
     if not math.isnan(point.peak_contact_force):

@@ -16,6 +16,7 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from spab_core.active_learning.quick_map import SECONDS
+from spab_core.cli.options import LIMITS
 from spab_core.common.errors import InputError
 from spab_core.common.units import from_rpm
 from spab_core.common.validation import check_choice, check_number
@@ -51,7 +52,15 @@ from spab_core.shipped.predicted_maps import FIGURE_DIVISORS
 from spab_core.solver.film import AUTO, parse_mesh
 from spab_core.solver.stepping import METHODS
 from spab_core.surrogates.models import DIVISORS, FLOOR, MODELS
-from spab_core.trajectory.assessment import GRADES
+from spab_core.trajectory.assessment import (
+    DEFAULT_LIMITS,
+    ECCENTRICITIES,
+    GRADES,
+    LEAST_FILMS,
+    ORBITS,
+    SEPARATIONS,
+    Limits,
+)
 
 T = TypeVar("T")
 
@@ -160,6 +169,22 @@ VIEW: dict[str, Field] = {
     "project": Field("", _words),  # of the report
     "author": Field("", _words),
     "supply_as": Field(PRESSURES[0], _one_of("supply_as", PRESSURES)),
+    # of what is good; 0: the usual film
+    "least_film": Field(0.0, _number("least_film", *LEAST_FILMS, "µm"), "{:.6g}".format),
+    "max_eccentricity": Field(
+        DEFAULT_LIMITS.eccentricity,
+        _number("max_eccentricity", *ECCENTRICITIES),
+        "{:.6g}".format,
+    ),
+    "calm_eccentricity": Field(
+        DEFAULT_LIMITS.calm_eccentricity,
+        _number("calm_eccentricity", 0.0, 1.0),
+        "{:.6g}".format,
+    ),
+    "max_orbit": Field(DEFAULT_LIMITS.orbit, _number("max_orbit", *ORBITS), "{:.6g}".format),
+    "separation": Field(
+        DEFAULT_LIMITS.separation, _number("separation", *SEPARATIONS), "{:.6g}".format
+    ),
     "layer": Field(LAYERS[0], _one_of("layer", LAYERS)),
     "model": Field(DEFAULT[0], _one_of("model", MODELS)),
     "divisor": Field(DEFAULT[1], _one_of("divisor", DIVISORS)),
@@ -240,6 +265,7 @@ _WRITTEN = "_written"  # the address of the last run
 _TOLD = "_told"  # a sentence for the next page
 _PAGE = "_page"
 _LIVE = "_live"  # values whose fields the page's last run showed
+_FORCED = "_forced"  # fields that are sent to the browser whatever they show, until they are drawn
 _SENT = (
     "_sent"  # of fields, {key: (what the browser has, what it is to show)}, until they are drawn
 )
@@ -267,7 +293,7 @@ def open_view(page: str = "") -> list[str]:
         complaints.append(state.pop(_TOLD))
     kept = state.get(_KEPT, {})
     if state.get(_PAGE) != page:
-        state[_PAGE], state[_LIVE], state[_SENT] = page, (), {}
+        state[_PAGE], state[_LIVE], state[_SENT], state[_FORCED] = page, (), {}, ()
         # a widget is of one page: what was set last may still stand under that of the page left,
         # and would be taken for shown here
         for key in _OF_PAGE:
@@ -302,7 +328,8 @@ def open_view(page: str = "") -> list[str]:
 
 def note_live(keys: Iterable[str]) -> None:
     """Keep that the page has drawn the fields of these values, and draws them in each run."""
-    st.session_state[_LIVE], st.session_state[_SENT] = tuple(keys), {}
+    state = st.session_state
+    state[_LIVE], state[_SENT], state[_FORCED] = tuple(keys), {}, ()
 
 
 def _read_address() -> list[str]:
@@ -412,16 +439,24 @@ def supply_range(design: Design) -> tuple[float, float]:
 def set_point(rotor_mass: float, bearing_number: float) -> None:
     """Make this the chosen operating point; call it in a widget's callback, before the widgets of
     the next run.
+
+    Two quick clicks: the second may come from a browser that does not show the first one's point
+    yet, and gets it right after. So the fields are sent even where they seem to show the point.
     """
-    point = {"rotor_mass": rotor_mass, "bearing_number": bearing_number}
-    for key, value in point.items():
+    st.session_state[_FORCED] = ("rotor_mass", "bearing_number", "rpm")
+    show_point(rotor_mass, bearing_number)
+
+
+def show_point(rotor_mass: float, bearing_number: float) -> None:
+    """As :func:`set_point`; of two fields the one that shows its value is let alone."""
+    for key, value in (("rotor_mass", rotor_mass), ("bearing_number", bearing_number)):
         show_value(key, float(f"{value:.6g}"))
 
 
 def show_value(key: str, value: object) -> None:
     """Have a field show a value; one that does is let alone, as the user may be typing there."""
     state = st.session_state
-    if (shown := state.get(key)) != value:
+    if (shown := state.get(key)) != value or key in state.get(_FORCED, ()):
         sent = state.setdefault(_SENT, {})
         sent[key] = (sent.get(key, (shown,))[0], value)
         state[key] = value
@@ -440,6 +475,29 @@ def chosen_point() -> tuple[float, float]:
     return float(st.session_state["rotor_mass"]), float(st.session_state["bearing_number"])
 
 
+def chosen_limits() -> Limits:
+    """What the user calls good; a calm eccentricity over the largest one is taken as that."""
+    state = st.session_state
+    largest = float(state["max_eccentricity"])
+    return Limits(
+        1e-6 * state["least_film"] if state["least_film"] else None,
+        largest,
+        min(float(state["calm_eccentricity"]), largest),
+        float(state["max_orbit"]),
+        float(state["separation"]),
+    )
+
+
+def limits_option() -> str:
+    """The options of a command that judges by the chosen limits; "" for the usual ones."""
+    limits, told = chosen_limits(), ""
+    for option, attribute, unit, _ in LIMITS:
+        value = getattr(limits, attribute)
+        if value != getattr(DEFAULT_LIMITS, attribute):
+            told += f" {option} {value / unit:.6g}"
+    return told
+
+
 def set_speed(design: Design, rotor_mass: float, speed_rpm: float) -> None:
     """As :func:`set_point`, at a speed; outside the bearing numbers that can be solved the nearest,
     as the next page tells.
@@ -452,7 +510,7 @@ def set_speed(design: Design, rotor_mass: float, speed_rpm: float) -> None:
             "allowed "
             f"is from {low:g} to {high:g}. The speed is now {design.speed_rpm(nearest):,.0f} rpm."
         )
-    set_point(rotor_mass, nearest)
+    show_point(rotor_mass, nearest)
 
 
 def show_usual(key: str, usual: Any, limits: tuple[float, float] | None = None) -> dict[str, Any]:

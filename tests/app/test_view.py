@@ -8,6 +8,7 @@ from streamlit.testing.v1 import AppTest
 
 from spab_core.common.errors import InputError
 from spab_core.design.model import reference_design
+from spab_core.trajectory.assessment import Limits
 from spab_core.ui.view import VIEW
 from tests.app.conftest import address, complaints
 
@@ -19,6 +20,7 @@ def page():
     from spab_core.ui.view import (
         VIEW,
         chosen_design,
+        chosen_limits,
         design_words,
         set_design,
         set_speed,
@@ -37,6 +39,7 @@ def page():
         st.rerun()
     st.text(design_words())
     st.text(chosen_design().bearing.clearance)
+    st.text(chosen_limits())
 
 
 def opened(**address):
@@ -54,7 +57,8 @@ def test_a_copied_address_opens_the_same_view():
     assert address(at) == {"rotor_mass": "7.25", "bearing.clearance": "3e-05"}
     copy = opened(**address(at))
     assert copy.number_input(key="rotor_mass").value == 7.25
-    assert [t.value for t in copy.text] == ["own design (radial clearance 30 µm)", "3e-05"]
+    words = ["own design (radial clearance 30 µm)", "3e-05", str(Limits())]
+    assert [t.value for t in copy.text] == words
     assert not copy.error
 
 
@@ -179,3 +183,38 @@ def test_what_was_given_for_one_design_does_not_count_for_the_next():
     assert at.text[0].value == "0"
     at.button(key="example").click().run()
     assert not at.exception and int(at.text[0].value) == assumed
+
+
+def test_a_point_set_is_sent_even_to_a_field_that_seems_to_show_it():
+    """A second quick click comes from a browser that has not got the first one's point yet."""
+
+    def live_page():
+        import streamlit as st
+
+        from spab_core.ui.shared import page_head
+        from spab_core.ui.view import note_live, set_point
+
+        page_head("test")
+        st.number_input("Mass", 0.001, 1000.0, None, key="rotor_mass")
+        st.button("there", key="there", on_click=lambda: set_point(7.0, 4.5))
+        note_live(("rotor_mass",))
+
+    at = AppTest.from_function(live_page).run()
+    at.number_input(key="rotor_mass").set_value(7.0).run()
+    assert not at.number_input(key="rotor_mass").proto.set_value
+    at.button(key="there").click().run()
+    assert at.number_input(key="rotor_mass").value == 7.0
+    assert at.number_input(key="rotor_mass").proto.set_value
+    at.run()
+    assert at.number_input(key="rotor_mass").value == 7.0
+    assert not at.number_input(key="rotor_mass").proto.set_value
+
+
+def test_limits_follow_a_user_and_stand_in_the_address():
+    at = opened(least_film="12", max_eccentricity="0.45", separation="9")
+    assert [c for c in complaints(at) if "separation" in c and "0 to 5" in c]
+    copy = opened(**address(at))
+    assert address(copy) == {"least_film": "12", "max_eccentricity": "0.45"}
+    assert [t.value for t in copy.text][-1] == str(
+        Limits(12e-6, 0.45, calm_eccentricity=0.45, separation=1.0)
+    )

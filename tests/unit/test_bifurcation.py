@@ -213,7 +213,10 @@ def test_tables_of_a_line(result):
     assert interval_table(only, ["cold"])[["assessment", "why"]].values.tolist() == [
         ["avoid", "rubbing"]
     ]
-    assert line_verdict(only, "cold", Limits())[0] == "avoid"
+    assert line_verdict(only, "cold")[0] == "avoid"
+    # by a designer's own limits a calm motion is not
+    grave = dataclasses.replace(made_up, limits=Limits(least_film=1e-3))
+    assert set(interval_table(grave, ["up"])["assessment"]) == {"avoid"}
     rpm = Design.from_dict(result.metadata["design"]).speed_rpm(5.0)
     assert found["first_rpm"][0] == pytest.approx(rpm) and len(interval_table(result, [])) == 0
 

@@ -10,6 +10,7 @@ import pytest
 
 from spab_core import Settings
 from spab_core.design.model import save_design
+from spab_core.linear_theory.assumptions import Assumption
 from spab_core.linear_theory.modes import Mode
 from spab_core.linear_theory.summary import Whirl, derive
 from spab_core.maps.bifurcation import Bifurcation, Branch, interval_table, line_table
@@ -43,12 +44,14 @@ OF_MOTION = [
     ({"max_eccentricity": 0.51}, "raised eccentricity", "watch"),
     ({}, "", "good"),
 ]
+FAST = Assumption("Mach number of the surface", 0.6, 0.5, "", "the film is not isothermal")
 AT_REST = [
     ({"contact_load_share": 0.11}, "not lifted off", "avoid"),
     ({"modes": (Mode(1.02, -math.pi / 18.0 * 1.02, True),)}, "resonance", "avoid"),
     ({"modes": (Mode(1.2, -math.pi / 18.0 * 1.2, True),)}, "resonance", "watch"),
     ({"modes": (Mode(0.5, -0.09 * 0.5, True),)}, "lightly damped at rest", "watch"),
     ({"whirl": Whirl(0.48, 4947.0, 0.326)}, "unstable at rest", "watch"),
+    ({"assumptions": (FAST,)}, "outside the theory", "watch"),
     ({"status": "no static equilibrium"}, "not known", "watch"),
     ({}, "", "good"),
 ]
