@@ -1,7 +1,7 @@
 """Seconds that a user waits for the dashboard in Chromium on a warm server: alone, and with a
 second user at once.
 
-    python benchmarks/pages.py [--floor | --against CHECKOUT]
+    python benchmarks/pages.py [--floor | --margins | --against CHECKOUT]
 
 The second user is measured twice: at another machine, whose browser takes nothing from this one's
 cores, as a session over Streamlit's websocket that fetches the scripts, opens pages and sets points
@@ -12,6 +12,10 @@ machine's clock drifts.
 With ``--floor`` only what Streamlit and Plotly take by themselves, alone and with a second browser
 that opens the page in the same moment: the first view of an empty page, and of one with a chart of
 two points.
+
+With ``--margins``: from an address that is opened to the verdict, to the first margin (the nearest
+trouble, solved between 0.8 and 1.25 times speed and mass) and to the whole one, for the machine of
+4 kg at 20,000 rpm and for points of the example bearing, each new to the server.
 
 With ``--against`` the same walk alone, in turns on this dashboard and on that of another checkout,
 served by the Python in its ``.venv``. Pages go by the names of their files; those that only one of
@@ -33,7 +37,7 @@ from tornado.httpclient import AsyncHTTPClient
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "docs"))
-from take_pictures import dashboard, find_chromium  # noqa: E402
+from take_pictures import dashboard, find_chromium, server  # noqa: E402
 
 VIEW = ("verdict", "map seen", "map answers clicks")
 GOALS = {f"{which}: {what}": 2.0 for which in ("new browser", "first view") for what in VIEW} | {
@@ -42,6 +46,15 @@ GOALS = {f"{which}: {what}": 2.0 for which in ("new browser", "first view") for 
     "another layer drawn": 2.0,
 }
 SWITCH, NEW, VIEWS, TURNS = 1.0, 3, 4, 3
+OWN = "bearing.radius=0.04&bearing.clearance=2.5e-05&bearing.supply_pressure_ratio=6.92154"
+MARGINS = [  # names and addresses of points
+    ("4 kg at 20,000 rpm", f"{OWN}&rotor_mass=4&bearing_number=5.8721"),
+    *(
+        (f"example, {mass:g} kg, Λ {number:g}", f"rotor_mass={mass:g}&bearing_number={number:g}")
+        for mass, number in ((4.1, 1.9), (3.2, 7.4), (12.0, 2.2), (18.0, 5.0))
+    ),
+]
+DONE = "document.body.innerText.includes('Solved live')"
 CLICKS = [(7.0, 6.0), (18.0, 4.5), (2.0, 5.0)]  # kg, bearing number
 DRAWN = """layer => { const plot = document.querySelector('.st-key-map .js-plotly-plot');
     return plot && plot.calcdata && plot._fullData.some(t => t.type === 'heatmap')
@@ -285,6 +298,38 @@ async def walks(addresses):
     return found
 
 
+async def first_margins(address):
+    """Seconds to verdict, first margin and whole margin of some points."""
+    async with async_playwright() as p:
+        browser = await p.chromium.launch(executable_path=find_chromium(), args=["--no-sandbox"])
+        for name, query in MARGINS:
+            context = await browser.new_context(viewport={"width": 1440, "height": 900})
+            page, took = await context.new_page(), []
+            began = time.perf_counter()
+            await page.goto(f"{address}/?{query}")
+            for there in (
+                page.get_by_text("Solved live"),
+                page.get_by_text("Solved margin:").first,
+                page.get_by_text("All limits, and what was not looked at"),
+            ):
+                await there.wait_for(timeout=120_000)
+                took.append(time.perf_counter() - began)
+            headline = await page.get_by_text("Solved margin:").first.inner_text()
+            print(
+                f"{name}: verdict after {took[0]:.1f} s, first margin {took[1]:.1f} s, whole "
+                f"margin {took[2]:.1f} s. {headline}"
+            )
+            await context.close()
+        await browser.close()
+
+
+def margins():
+    with tempfile.TemporaryDirectory() as folder, server(SPAB_JOBS=folder) as (_, port):
+        address = f"http://127.0.0.1:{port}"
+        asyncio.run(first_views(address, f"() => {DONE}", 1))  # warms the server
+        asyncio.run(first_margins(address))
+
+
 def against(other):
     with dashboard() as address, dashboard(root=other, python=other / ".venv/bin/python") as before:
         new, old = asyncio.run(walks([address, before]))
@@ -299,10 +344,13 @@ def against(other):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--floor", action="store_true")
+    parser.add_argument("--margins", action="store_true")
     parser.add_argument("--against", type=Path, metavar="CHECKOUT")
     asked = parser.parse_args()
     if asked.floor:
         return floor()
+    if asked.margins:
+        return margins()
     if asked.against:
         return against(asked.against.resolve())
     with dashboard() as address:

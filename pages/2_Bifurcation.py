@@ -13,7 +13,7 @@ from spab_core.shipped.manifest import ARTIFACTS, BIFURCATIONS
 from spab_core.trajectory.expected_time import expected_seconds
 from spab_core.trajectory.provenance import film_nodes
 from spab_core.ui import own_map
-from spab_core.ui.jobs import AUTO, job_panel
+from spab_core.ui.jobs import AUTO, job_panel, solves_unasked
 from spab_core.ui.lines import done_with_more, line_command, line_of_job, line_view, shipped_line
 from spab_core.ui.point import chosen_settings, duration, solver_controls
 from spab_core.ui.point_bar import point_bar
@@ -158,7 +158,8 @@ with errors_in_words():
         points * expected_seconds(settings, number if over_mass else start) / workers_for(points)
     )
     label = f"Compute {points:,} points (up to {duration(max(seconds, 1.0))})"
-job = job or job_panel("bifurcation", parameters, label, "line_job", auto=seconds <= AUTO)
+auto = seconds <= AUTO and solves_unasked()
+job = job or job_panel("bifurcation", parameters, label, "line_job", auto=auto)
 title = (
     f"Over rotor mass at Λ = {at:.4g} ({chosen_design().speed_rpm(at):,.0f} rpm)"
     if over_mass

@@ -22,7 +22,7 @@ from spab_core.trajectory.assessment import GRADE_WORDS, GRADES
 from spab_core.trajectory.expected_time import expected_seconds
 from spab_core.trajectory.settings import Settings
 from spab_core.ui.downloads import downloads
-from spab_core.ui.jobs import AUTO, job_panel
+from spab_core.ui.jobs import AUTO, job_panel, solves_unasked
 from spab_core.ui.lines import band_table, line_command, line_of_job
 from spab_core.ui.point_bar import point_bar
 from spab_core.ui.shared import errors_in_words, page_head
@@ -87,7 +87,7 @@ def change_the_drawing() -> None:
             asked,
             "Compute the sensitivity (up to a minute)",
             "what_job",
-            auto=scan <= SCAN,
+            auto=scan <= SCAN and solves_unasked(),
         )
         if job:
             show_sensitivity(*load_sensitivity(job.result))
@@ -148,7 +148,8 @@ def run_the_machine_up() -> None:
             "settings": {"transient": 200, "revolutions": 200},
         }
         seconds = count * expected_seconds(Settings(transient=200, revolutions=200), stop)
-        job = job_panel("bifurcation", asked, "Compute the run-up", "run_job", auto=seconds <= AUTO)
+        auto = seconds <= AUTO and solves_unasked()
+        job = job_panel("bifurcation", asked, "Compute the run-up", "run_job", auto=auto)
         if job:
             line = line_of_job(job)
             worst, words = line_verdict(line, "up")

@@ -24,7 +24,7 @@ from spab_core.solver.stepping import Options, advance, build_memory, build_reco
 from spab_core.solver.system import System
 from spab_core.trajectory import compiling
 from spab_core.trajectory.compiling import compile_once
-from spab_core.ui.margin import MARGINS
+from spab_core.ui.jobs import SOLVES
 
 # no test is for seconds
 hypothesis.settings.register_profile("untimed", deadline=None)
@@ -85,16 +85,16 @@ def own_folders(tmp_path_factory):
         patch.setenv("SPAB_JOBS", str(tmp_path_factory.mktemp("work") / "jobs"))
         # servers and pages of tests compile what the tests use, nothing ahead of it
         patch.setenv("SPAB_COMPILE_AHEAD", "usual")
-        # and solve no margin that no test waits for
-        patch.setenv(MARGINS, "asked")
+        # and solve no margin, sensitivity or line that no test waits for
+        patch.setenv(SOLVES, "asked")
         patch.setattr(compiling, "_decided", True)
         yield
 
 
 @pytest.fixture
-def margins(monkeypatch):
-    """Pages, and servers started from here on, solve margins by themselves, as a user's do."""
-    monkeypatch.delenv(MARGINS)
+def unasked(monkeypatch):
+    """Pages, and servers started from here on, solve by themselves, as a user's do."""
+    monkeypatch.delenv(SOLVES)
 
 
 @pytest.fixture(scope="session")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any, Literal
 
 import streamlit as st
@@ -13,7 +14,13 @@ from spab_core.ui.running import time_left
 from spab_core.ui.shared import errors_in_words
 
 AUTO = 30.0  # seconds up to which a job is started without asking
+SOLVES = "SPAB_SOLVES"  # "asked": what takes more than a point waits for its button
 _EVERY = 0.7  # seconds between two looks at a job
+
+
+def solves_unasked() -> bool:
+    """Whether pages solve margins, sensitivities and lines by themselves."""
+    return os.environ.get(SOLVES) != "asked"
 
 
 def job_panel(

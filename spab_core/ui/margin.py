@@ -24,13 +24,13 @@ from spab_core.design.model import Design
 from spab_core.maps.solved_margin import SolvedMargin, solve_margin
 from spab_core.plotting.margin import margin_figure
 from spab_core.trajectory.assessment import DEFAULT_LIMITS, Limits
+from spab_core.ui.jobs import solves_unasked
 from spab_core.ui.plain_picture import plotly_wanted
 from spab_core.ui.solving import LIVE, waits_for_compiler
 from spab_core.ui.view import chosen_limits
 
 P = ParamSpec("P")
 T = TypeVar("T")
-MARGINS = "SPAB_MARGINS"  # "asked": solved when a button is pressed, not by themselves
 USUAL = 220  # points of a margin, for its progress
 # what is looked at first: span, points to each side as near each other as all are, brackets
 NEAR, NEAR_POINTS, NEAR_PRECISION = (0.8, 1.25), 2, 0.01
@@ -228,7 +228,7 @@ def margin_panel(design: Design, rotor_mass: float, bearing_number: float) -> No
 def _wanted(key: _Key) -> bool:
     """Whether to solve this margin now; where they are solved when asked for, show the button."""
     asked: set[_Key] = st.session_state.setdefault(_ASKED, set())
-    if os.environ.get(MARGINS) != "asked" or key in asked:
+    if solves_unasked() or key in asked:
         return True
     st.button("Solve the margin", key="solve_margin", on_click=asked.add, args=(key,))
     return False

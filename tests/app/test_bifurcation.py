@@ -99,6 +99,12 @@ def test_every_sweep_and_coordinate_alone_all_and_none():
         assert colours == {SWEEP_COLOURS[k] for k in chosen or ["cold"]}
 
 
+def test_where_the_servers_owner_wants_it_so_a_line_waits_for_its_button():
+    at = opened(rotor_mass="8", bearing_number="4.5", line="rotor-mass")
+    assert at.button(key="line_job_start") and not at.exception
+
+
+@pytest.mark.usefixtures("unasked")
 def test_who_has_a_point_of_their_own_sees_the_line_through_it():
     at = opened(rotor_mass="18", bearing_number="4.5")
     assert not at.exception and not complaints(at)
@@ -115,6 +121,7 @@ def test_who_has_a_point_of_their_own_sees_the_line_through_it():
     assert "at 18 kg" in words(at) and len(figures(at)) == 1
 
 
+@pytest.mark.usefixtures("unasked")
 def test_a_design_of_their_own_has_no_map_to_look_at():
     at = opened(**{"bearing.clearance": "3e-05"})
     assert not at.exception and not complaints(at)
@@ -177,6 +184,7 @@ def test_a_live_line_is_computed_once():
     assert any("--mesh 2x16" in code.value and "--range 4:6:3" in code.value for code in at.code)
 
 
+@pytest.mark.usefixtures("unasked")
 def test_a_line_with_more_sweeps_serves_those_with_fewer():
     at = opened(**TINY, sweeps="cold,down")
     start(at, "line_job")

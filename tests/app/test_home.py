@@ -21,6 +21,7 @@ from spab_core.shipped.manifest import load_reference_map
 from spab_core.surrogates.models import MODELS
 from spab_core.ui import margin as margin_panel
 from spab_core.ui import shared, solving
+from spab_core.ui.jobs import SOLVES
 from tests.app.conftest import address, complaints, verdicts
 from tests.conftest import ROOT
 
@@ -216,7 +217,7 @@ def test_wrong_values_in_the_address_are_told():
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("margins")
+@pytest.mark.usefixtures("unasked")
 def test_a_margin_solves_itself_and_is_kept():
     st.cache_resource.clear()
     at = AppTest.from_file(APP, default_timeout=240)
@@ -245,9 +246,9 @@ def test_a_margin_solves_itself_and_is_kept():
 
 
 def test_a_margin_is_solved_when_its_button_is_pressed(monkeypatch):
-    """Where the server's owner wants it so, SPAB_MARGINS=asked: a margin takes both cores."""
+    """Where the server's owner wants it so, SPAB_SOLVES=asked: a margin takes both cores."""
     st.cache_resource.clear()
-    monkeypatch.setenv(margin_panel.MARGINS, "asked")
+    monkeypatch.setenv(SOLVES, "asked")
     at = AppTest.from_file(APP, default_timeout=240).run()
     assert not at.get("progress")
     at.button(key="solve_margin").click().run()

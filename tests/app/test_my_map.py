@@ -48,7 +48,7 @@ def words(at):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("margins")
+@pytest.mark.usefixtures("unasked")
 def test_a_bearing_is_mapped_its_margin_told_and_the_job_listed():
     at = opened(MAP, **SMALL, own_minutes=5.0, bearing_number=3.0, rotor_mass=6.0)
     assert not at.exception and "The map that comes with spab" in words(at)
@@ -184,6 +184,7 @@ def test_a_wrong_plane_is_a_sentence(key, value, told):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("unasked")
 def test_sensitivity_of_the_margin():
     at = opened(WHAT_IF, bearing_number=3.0, rotor_mass=8.0)
     assert not at.exception and not figures(at) and at.button(key="what_job_cancel")

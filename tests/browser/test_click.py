@@ -2,6 +2,7 @@
 live.
 """
 
+import re
 import time
 from pathlib import Path
 
@@ -51,16 +52,7 @@ def test_the_map_answers_before_plotly_is_there(address, tools):
         picture, _, cross, orbit, _ = page.evaluate(PLACES)
         assert place_on(picture, cross, m) == pytest.approx([6.0, 7.0], abs=0.06)
         row, column = m.nearest(18.0, 4.5)
-        page.mouse.click(
-            *(
-                # a browser tells whole pixels: a cell is one and a half of them high
-                round(picture[k] + share * (picture[k + 2] - picture[k]))
-                for k, share in (
-                    (0, (row + 0.5) / m.shape[0]),
-                    (1, 1.0 - (column + 0.5) / m.shape[1]),
-                )
-            )
-        )
+        page.mouse.click(*pixels_of(picture, m, row, column))
         page.get_by_text(point_words(m, row, column)).wait_for()
         assert "bearing_number=4.5&rotor_mass=18" in page.url
         _, _, cross, orbit, _ = page.evaluate(PLACES)  # the words above the orbit are others now
@@ -95,6 +87,51 @@ def place_on(plot, cross, m):
             float(axis[0] + ((1.0 - share if k else share) * len(axis) - 0.5) * (axis[1] - axis[0]))
         )
     return found
+
+
+def pixels_of(picture, m, row, column):
+    """Where a cell is on the picture; a browser tells whole pixels: a cell is one and a half of
+    them high.
+    """
+    return [
+        round(picture[k] + share * (picture[k + 2] - picture[k]))
+        for k, share in ((0, (row + 0.5) / m.shape[0]), (1, 1.0 - (column + 0.5) / m.shape[1]))
+    ]
+
+
+def test_two_quick_clicks_over_a_slow_line(address, tools):
+    """There and back: the second click comes from a browser that has not got the answer to the
+    first, and the page ends where the second went.
+    """
+    m, held, slow, sides = load_reference_map(), [], [], []
+
+    def connect(browser):
+        sides.append(browser)
+        server = browser.connect_to_server()
+        browser.on_message(server.send)
+        server.on_message(lambda answer: held.append(answer) if slow else browser.send(answer))
+
+    here, there = m.nearest(18.0, 4.5), m.nearest(9.0, 6.5)
+    with tools.browser_page() as page:
+        page.route_web_socket(re.compile("_stcore/stream"), connect)
+        page.goto(f"{address}/?bearing_number={m.bearing_number[here[0]]:.6g}&rotor_mass=18")
+        page.wait_for_selector("[data-answers]")
+        page.get_by_text(point_words(m, *here)).wait_for(timeout=240_000)
+        picture = page.evaluate(PLACES)[0]
+        page.wait_for_timeout(500)
+        slow.append(True)
+        for cell in (there, here):
+            page.mouse.click(*pixels_of(picture, m, *cell))
+            page.wait_for_timeout(1500)
+        slow.clear()
+        for answer in held:
+            sides[-1].send(answer)
+        page.wait_for_timeout(500)
+        page.get_by_text("Regime", exact=True).first.click()  # the page tells what its fields have
+        tools.settled(page)
+        page.get_by_text(point_words(m, *here)).wait_for()
+        assert page.get_by_role("spinbutton", name="Rotor mass, kg").input_value() == "18.000"
+        assert "rotor_mass=18" in page.url, page.url
 
 
 def test_plotly_comes_when_it_is_wanted_at_once(address, tools):

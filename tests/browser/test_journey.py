@@ -196,7 +196,7 @@ def test_an_emptied_field_keeps_its_value(address, tools):
     watched.check()
 
 
-def test_a_click_on_my_map_tells_the_margin_of_the_cell(margins, own_page, tools):
+def test_a_click_on_my_map_tells_the_margin_of_the_cell(unasked, own_page, tools):
     """A small plane is mapped by a real job; a click on a cell, also on the dot of a solved one,
     moves point and margin.
     """

@@ -24,7 +24,7 @@ VALUES = {  # what a designer has: five values and no click, as the supply is ta
 }
 
 
-def test_from_the_first_page_to_verdict_and_margin(chromium, tools, tmp_path, monkeypatch, margins):
+def test_from_the_first_page_to_verdict_and_margin(chromium, tools, tmp_path, monkeypatch, unasked):
     monkeypatch.setenv("SPAB_JOBS", str(tmp_path))
     tmp_path.chmod(0o700)
     ambient = reference_design().gas.ambient_pressure
