@@ -86,6 +86,9 @@ def page_head(title: str) -> None:
         ":is(a,button,input,[role=radio],[role=tab],[role=switch]):focus-visible"
         "{outline:2px solid currentColor;outline-offset:2px} "
         "[data-testid=stMetricLabel] p{font-size:.74rem} "
+        # white on the dark theme's light blue cannot be read
+        "[data-testid=stBaseButton-primary],[data-testid=stBaseButton-primary]:hover"
+        "{color:light-dark(#fff,#08213a)} "
         # faded text, at a contrast that can be read
         "[data-testid=stCaptionContainer]{opacity:.82} "
         # a large screen is used by larger letters and fields
