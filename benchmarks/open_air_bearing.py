@@ -5,8 +5,9 @@
 
 openAirBearing (Aalto-Arotor) solves the Reynolds equation over a porous wall by finite elements,
 the shaft at rest. It needs another Plotly than spab, so it runs in a Python of its own:
-tests/physics/test_published_cases.py takes the one named by SPAB_OPENAIRBEARING_PYTHON. The bearing
-is that of docs/published_cases.md: R 25 mm, C 15 µm, 2e-15 m² over 4.5 mm, 511,325 Pa."""
+tests/physics/test_published_cases.py takes the one named by SPAB_OPENAIRBEARING_PYTHON (it may be
+that of ROSS, CONTRIBUTING.md). The bearing is that of docs/published_cases.md: R 25 mm, C 15 µm,
+2e-15 m² over 4.5 mm, 511,325 Pa."""
 
 import json
 import sys
