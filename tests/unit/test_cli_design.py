@@ -164,6 +164,25 @@ def test_coefficients_against_speed_as_a_workbook(capsys, tmp_path):
     assert "mode" not in synchronous["rows"][0]
 
 
+def test_the_commands_of_the_readme_follow_one_whirl(capsys, tmp_path):
+    """The fed spindle as it comes, its wall storing gas, in a workbook: 26 rows of one mode, a
+    natural frequency on the gas spring that hardly moves and is driven by the pores' gas the more
+    the faster the shaft. (The rows of the shaft's bending have a whirl ratio of 22 to 3.6.)
+    """
+    design, out = str(tmp_path / "my.toml"), str(tmp_path / "bearing.xlsx")
+    answer(capsys, "design", "new", "--preset", "fed_spindle", "--out", design)
+    assert load_design(design).bearing.porosity == 0.15
+    argv = ["--design", design, "--rotor-mass", "4", "--rpm", "5000:30000:26", "--out", out]
+    rows = pd.DataFrame(answer(capsys, "design", "coefficients", *argv, *MESH)["rows"])
+    assert len(rows) == 26 and set(rows["mode"]) == {FILM_MODE}
+    assert np.abs(np.diff(rows["frequency"])).max() < 0.01 * rows["frequency"].min()
+    assert rows["whirl_ratio"].iloc[0] < 4.0 and rows["whirl_ratio"].iloc[-1] > 0.5
+    steps = np.diff(rows["log_decrement"])
+    assert (steps < 0.0).all() and steps.min() > 1.5 * steps.max()
+    for name in NAMES:
+        assert np.abs(np.diff(rows[name], 2)).max() < 0.02 * np.ptp(rows[name])
+
+
 def test_words_of_a_workbook_change_no_unit_in_ross():
     """ROSS searches the first sheet for these and converts the table."""
     d = reference_design()
