@@ -16,6 +16,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from spab_core.design.presets import preset
 from spab_core.linear_theory.coefficients import (
     FILM_WHIRL,
     coefficients_over_speed,
@@ -150,13 +151,16 @@ def over(design, low, high, count):
     return [design.bearing_number(v) for v in np.linspace(low, high, count) * np.pi / 30.0]
 
 
-# kg on a bearing; rpm from a fraction of the limit of stability to past it; how far the other modes
-# may be off
+# design; kg on a bearing; rpm from a fraction of the limit of stability to past it, how many; how
+# far the limit may be off. On the wall that stores gas, where pneumatic hammer begins slowly, it is
+# 0.25 %: 0.001 of the decrement
 CASES = {
-    "fed_spindle": (4.0, 5_000.0, 45_000.0, 0.05),
-    "rigid_balanced": (5.0, 5_000.0, 45_000.0, 0.05),
-    "small_high_speed": (0.05, 20_000.0, 150_000.0, 0.05),
+    "fed_spindle": (quiet("fed_spindle"), 4.0, 5_000.0, 60_000.0, 23, 2e-3),
+    "rigid_balanced": (quiet("rigid_balanced"), 5.0, 5_000.0, 45_000.0, 17, 2e-3),
+    "small_high_speed": (quiet("small_high_speed"), 0.05, 20_000.0, 150_000.0, 17, 2e-3),
+    "storing": (preset("fed_spindle").design, 2.0, 5_000.0, 60_000.0, 23, 5e-3),
 }
+OTHERS = 0.05  # how far the other modes may be off
 
 
 @pytest.mark.slow
@@ -164,15 +168,15 @@ CASES = {
     ("name", "form"), [*((name, ".json") for name in CASES), ("fed_spindle", ".xlsx")]
 )
 def test_the_whirl_of_the_film_in_ross_is_ours(name, form, ross, tmp_path):
-    """From an eighth of the limit of stability to past it, at the ends of the table and between its
-    speeds: frequency and logarithmic decrement of the film's whirl to 2 % (5 % were asked for), its
-    limit of stability to 0.2 %. In the table over speed and frequency the other modes of the rotor
-    too: those that bend the shaft, and the backward whirl.
+    """From a third of the limit of stability or less to past it, at the ends of the table and
+    between its speeds, on quasi-steady walls and on one that stores gas: frequency and logarithmic
+    decrement of the film's whirl to 2 % (5 % were asked for), its limit of stability to 0.2 %
+    (0.5 % where pores store gas). In the table over speed and frequency the other modes of the
+    rotor too: those that bend the shaft, and the backward whirl.
     """
-    design = quiet(name)
-    mass, low, high, others = CASES[name]
+    design, mass, low, high, count, off_limit = CASES[name]
     grid, path = form == ".json", tmp_path / f"bearing{form}"
-    numbers = over(design, low, high, 17)
+    numbers = over(design, low, high, count)
     if grid:
         found = coefficients_over_speed_and_frequency(design, mass, numbers, mesh=MESH)
     else:
@@ -205,14 +209,14 @@ def test_the_whirl_of_the_film_in_ross_is_ours(name, form, ross, tmp_path):
     off = [abs(found_there.imag / wanted.imag - 1.0).max(initial=0.0)]
     ratio = found_there.real / found_there.imag / (wanted.real / wanted.imag)
     off.append(abs(ratio - 1.0).max(initial=0.0))
-    assert len(wanted) >= 10 * grid and max(off) < others
+    assert len(wanted) >= 10 * grid and max(off) < OTHERS
     exact = limit_of(speeds, [mode.log_decrement for _, _, mode in ours])
     limit = limit_of(speeds, decrements)
     print(
         f"ROSS {answer['version']}, {form}: limit {limit:.1f} rad/s, ours {exact:.1f}, ratio "
         f"{limit / exact:.6f}; other modes off by {off}"
     )
-    assert limit == pytest.approx(exact, rel=2e-3)
+    assert limit == pytest.approx(exact, rel=off_limit)
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from spab_core.linear_theory.whirl import linear_spectrum, whirl_thresholds
 from spab_core.solver.film import Mesh, film_array, thickness
 from spab_core.solver.wall import SHARE, SPACING
 from tests.conftest import Run, fed_design
+from tests.physics.test_coefficients import root_near
 
 RIGID = {
     "rotor__shaft_stiffness": math.inf,
@@ -195,6 +196,7 @@ class WholeWall:
     def __init__(self, design, mass, bearing_number, mesh, points=48):
         quiet = design.replace(bearing__porosity=0.0)
         self.z = z = impedance(quiet, mass, bearing_number, mesh)
+        self.design, self.rotor_mass, self.bearing_number = design, mass, bearing_number
         film, state, b = z.system.film, z.equilibrium.state, design.bearing
         position = state[film.latitudes * film.columns :][:2]
         gap = thickness(film, *position).ravel()
@@ -202,7 +204,7 @@ class WholeWall:
         self.by_gas = 2.0 * gas / gap  # dQ/dS, and dQ of a displacement
         around = np.array([film.cos, film.sin])[:, None, :] * film.node[:, None]
         self.by_journal = (2.0 * gas**2 / gap) * around.reshape(2, -1)
-        self.beta, self.layer, self.number = b.feeding_number, b.layer_number, bearing_number
+        self.beta, self.layer = b.feeding_number, b.layer_number
         self.quiet = film.feed
         x = np.cos(math.pi * np.arange(points + 1) / points)
         c = np.array([2.0, *np.ones(points - 1), 2.0]) * (-1.0) ** np.arange(points + 1)
@@ -220,7 +222,7 @@ class WholeWall:
         inner = self.second[:, 1:-1] - p * self.slow[:, :, None] * np.eye(len(self.second))
         w = np.linalg.solve(inner, np.broadcast_to(-self.second[:, -1:], (*self.slow.shape, 1)))
         flow = -(w[..., 0] @ self.first[1:-1] + self.first[-1])  # over the quasi-steady one
-        more = 1.0 / (2.0 * self.number * (1.0 / self.layer + 1.0 / (self.beta * flow)))
+        more = 1.0 / (2.0 * self.bearing_number * (1.0 / self.layer + 1.0 / (self.beta * flow)))
         more = more - self.quiet
         film = self.z.film - np.diag(more * self.by_gas)
         drive = self.z.drive - (more * self.by_journal).T
@@ -257,6 +259,18 @@ def test_the_cells_agree_with_a_wall_that_is_not_cut(name):
         assert np.abs(cells.at(p) - exact).max() < 5e-3 * size
         if abs(p) >= 0.1:
             assert np.abs(whole.z.at(p) - exact).max() > 0.01 * size
+
+
+def test_the_slowest_flows_of_a_wall_that_is_not_cut():
+    """The reference design with pores at rest, 20 kg, Λ 2: its unstable whirl, and the three
+    slowest flows of its wall, one of which is the exponent of its orbit, to 1.5 %.
+    """
+    d, mass, number = reference_design().replace(**POROUS), 20.0, 2.0
+    whole = WholeWall(d, mass, number, Mesh(3, 16))
+    values = linear_spectrum(d, mass, number, Mesh(3, 16))[0][:4]
+    assert values[0].real > 0.0 > values[1].real > values[3].real > -0.04
+    for value in values:
+        assert abs(root_near(whole, value) - value) < 0.015 * abs(value)
 
 
 @pytest.mark.parametrize("layer", [False, True], ids=["bare", "layered"])
