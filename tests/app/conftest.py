@@ -1,9 +1,11 @@
 """What tests of pages share: the address, background jobs of one test."""
 
+import base64
 import functools
 import json
 import time
 
+import numpy as np
 import pytest
 import streamlit as st
 from streamlit.components.v2 import manifest_scanner
@@ -79,6 +81,13 @@ def verdicts(at):
 def figures(at):
     """The page's Plotly figures as the browser gets them."""
     return [json.loads(chart.proto.spec) for chart in at.get("plotly_chart")]
+
+
+def decoded(array):
+    """An array of a figure, binary or not."""
+    if isinstance(array, dict):
+        array = np.frombuffer(base64.b64decode(array["bdata"]), array["dtype"])
+    return np.array([np.nan if v is None else v for v in array], float)
 
 
 def address(at):

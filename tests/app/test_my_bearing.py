@@ -20,7 +20,7 @@ from spab_core.design.presets import PRESETS, preset
 from spab_core.linear_theory.coefficients import NAMES, Coefficients
 from spab_core.linear_theory.summary import derive
 from spab_core.ui import bearing, view
-from tests.app.conftest import address, complaints, verdicts
+from tests.app.conftest import address, complaints, decoded, figures, verdicts
 from tests.conftest import ROOT
 
 PAGE = str(next((ROOT / "pages").glob("*_My_bearing.py")))
@@ -299,3 +299,68 @@ def test_a_cylinder_in_form_and_address(page):
     bad.query_params["bearing.shape"] = "cube"
     assert design_of(run(bad)) == reference_design()
     assert any("cube" in box.value for box in [*bad.warning, *bad.error])
+
+
+def test_what_the_wall_does_is_told(page):
+    """The fed spindle at 4 kg, 20,000 rpm: the wall's numbers by the formulas of docs/model.md,
+    what a quasi-steady wall would have hidden, and the assumptions' marks.
+    """
+    run(page.selectbox(key="my_preset").set_value("fed_spindle"))
+    p = preset("fed_spindle")
+    b, gas, omega = p.design.bearing, p.design.gas, p.speed_rpm * math.pi / 30.0
+    assert (p.rotor_mass, p.speed_rpm) == (4.0, 20_000.0)
+    sigma = b.porosity * gas.viscosity * omega * b.wall_thickness**2
+    sigma /= b.permeability * gas.ambient_pressure
+    assert metric(page, "Storage number σ_w") == f"{sigma:.3g}"
+    # φ H_p over C, times the mean pressures' ratio: the wall's between the film's and the supply's
+    pores = b.porosity * b.wall_thickness / b.clearance
+    assert pores < float(metric(page, "Pores' gas / film's")) < pores * b.supply_pressure_ratio
+    # a wave of ν decays over H_p (2 P/(ν σ_w))^½, P between the ambient's and the supply's
+    reach = float(metric(page, "Waves reach").removesuffix(" mm"))
+    whirl = float(metric(page, "Whirl / speed"))
+    shortest = 1e3 * b.wall_thickness * math.sqrt(2.0 / (whirl * sigma))
+    assert shortest < reach < shortest * math.sqrt(b.supply_pressure_ratio)
+    (words,) = verdicts(page)
+    assert "Taken as quasi-steady the wall would have made it look stable, the unsafe side" in words
+    table = next(t.value for t in page.dataframe if "Holds" in t.value)
+    found = derive(p.design, p.rotor_mass, p.design.bearing_number(omega)).assumptions
+    assert list(table["Number"]) == [one.name for one in found] and len(table) == 6
+    assert list(table["Holds"]) == [one.value <= one.limit for one in found]
+    assert table["Holds"].all() and any("all hold" in box.label for box in page.expander)
+
+
+def test_a_wall_that_is_taken_as_quasi_steady_is_marked(page):
+    """No numbers of pores that are not given; the mark is off and the verdict says why."""
+    run(page.selectbox(key="my_preset").set_value("fed_spindle"))
+    type_in(page, "bearing__porosity", 0.0)
+    assert not any(
+        m.label.startswith(("Storage number", "Pores' gas", "Waves")) for m in page.metric
+    )
+    table = next(t.value for t in page.dataframe if "Holds" in t.value).set_index("Number")
+    assert list(table.index[~table["Holds"]]) == [
+        "storage number of the wall at a porosity of 0.15"
+    ]
+    (words,) = verdicts(page)
+    assert "pneumatic hammer" in words and "unsafe side" not in words
+    assert any("1 outside the theory" in box.label for box in page.expander)
+
+
+def test_load_curves_are_drawn(page):
+    """Of a fed sphere radially and along the axis, rising from nothing; at rest the radial curve
+    carries the weight.
+    """
+    run(page.selectbox(key="my_preset").set_value("fed_spindle"))
+    run(page.toggle(key="load_curves").set_value(True))
+    figure = figures(page)[-1]
+    radial, axial = figure["data"]
+    titles = [note["text"] for note in figure["layout"]["annotations"]]
+    assert titles == ["Radial force, N", "Axial force, N"]
+    for curve in (radial, axial):
+        force = decoded(curve["y"])
+        assert abs(force[0]) < 1e-9 and (np.diff(force) > 0.0).all() and len(force) == 12
+    at_rest = float(metric(page, "Eccentricity"))
+    carried = np.interp(at_rest, decoded(radial["x"]), decoded(radial["y"]))
+    assert carried == pytest.approx(4.0 * 9.81, rel=0.02)
+    assert figure["layout"]["shapes"][0]["x0"] == pytest.approx(at_rest, abs=5e-4)
+    run(page.segmented_control(key="my_bearing__shape").set_value("cylinder"))
+    assert len(figures(page)[-1]["data"]) == 1

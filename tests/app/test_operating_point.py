@@ -2,7 +2,6 @@
 every tab, failed points.
 """
 
-import base64
 import json
 import math
 import shlex
@@ -21,7 +20,7 @@ from spab_core.trajectory.point_file import load_point
 from spab_core.trajectory.settings import Settings
 from spab_core.ui import point as ui
 from spab_core.ui.view import POINT_TABS
-from tests.app.conftest import complaints, figures, verdicts
+from tests.app.conftest import complaints, decoded, figures, verdicts
 from tests.conftest import ROOT
 
 PAGE = str(next((ROOT / "pages").glob("*_Operating_point.py")))
@@ -37,10 +36,8 @@ def page(**state):
 
 
 def numbers(array):
-    """How many finite numbers an array of a figure has, binary or not."""
-    if isinstance(array, dict):
-        array = np.frombuffer(base64.b64decode(array["bdata"]), array["dtype"])
-    return int(np.isfinite(np.array([np.nan if v is None else v for v in array], float)).sum())
+    """How many finite numbers an array of a figure has."""
+    return int(np.isfinite(decoded(array)).sum())
 
 
 @pytest.mark.parametrize(
