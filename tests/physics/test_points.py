@@ -58,3 +58,24 @@ def test_the_usual_mesh_has_converged(design, mass, bearing_number, regime, tole
     )
     assert usual.regime.text == fine.regime.text == regime
     assert usual.mle.value == pytest.approx(fine.mle.value, abs=tolerance)
+
+
+@pytest.mark.parametrize("mass, bearing_number", [(4.1, 2.4), (3.5, 2.65), (17.4, 4.45)])
+def test_a_run_too_short_to_tell_is_undecided(design, mass, bearing_number):
+    """Two tori, and a chaos, that once were each called the other: fewer than 100 revolutions tell
+    nothing, however often they are measured on.
+    """
+    settings = Settings("3x16", transient=30, revolutions=20)
+    assert solve_point(design, mass, bearing_number, settings).regime.name == "undecided"
+
+
+@pytest.mark.parametrize("mass, bearing_number", [(4.1, 2.4), (3.5, 2.65)])
+def test_a_torus_is_chaotic_at_no_length(design, mass, bearing_number):
+    """The tangent of a torus grows like the time: over 200 revolutions by 0.011 each at the second
+    point, which is over the limit of 0.01.
+    """
+    for revolutions in (50, 100, 150, 200, 250, 300):
+        settings = Settings("3x16", transient=200, revolutions=revolutions)
+        assert solve_point(design, mass, bearing_number, settings).regime.name != "chaotic"
+    long = solve_point(design, mass, bearing_number, Settings("3x16", revolutions=1200))
+    assert long.regime.text == "quasi-periodic" and abs(long.mle.value) < 0.005

@@ -167,6 +167,26 @@ def test_map_cell_is_the_point_alone(capsys, tmp_path):
     assert m.mle[1, 1] == found["mle_per_revolution"] and m.regime[1, 1] == found["regime"]
 
 
+def test_map_cells_that_are_solved_on_are_the_points_alone(capsys, tmp_path):
+    """Undecided after 100 measured revolutions, not after 200: nothing chaotic in map or point, and
+    the same to the bit.
+    """
+    length = ["--mesh", "3x16", "--transient", "100", "--revolutions", "100"]
+    axes = ["--bearing-number", "2.4:2.65:2", "--rotor-mass", "3.5:4.1:2"]
+    answer(capsys, "map", *axes, "--out", str(tmp_path / "a.npz"), *length)
+    m = load_map(tmp_path / "a.npz")
+    assert (m.revolutions == 300).all() and set(m.regime.flat) <= {"quasi-periodic", "periodic"}
+    assert m.regime[0, 1] == m.regime[1, 0] == "quasi-periodic"  # 2.4, 4.1 kg and 2.65, 3.5 kg
+    for row, number in enumerate(m.bearing_number):
+        for column, mass in enumerate(m.rotor_mass):
+            point = ["--rotor-mass", repr(float(mass)), "--bearing-number", repr(float(number))]
+            found = answer(capsys, "simulate", *point, *length)
+            cell = row, column
+            assert found["mle_per_revolution"] == m.mle[cell]
+            assert found["regime"] == m.regime[cell] and found["revolutions"] == m.revolutions[cell]
+            assert found["max_eccentricity"] == m.max_eccentricity[cell]
+
+
 @pytest.mark.slow
 def test_a_killed_map_goes_on_from_its_chunks(tmp_path):
     command = [
