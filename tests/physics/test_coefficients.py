@@ -445,6 +445,14 @@ def test_rows_on_a_wall_that_stores_gas_are_one_whirl_and_right_between_the_spee
         assert told == pytest.approx(mode.log_decrement, rel=5e-3, abs=1e-3)
 
 
+def test_a_whirl_that_hardly_swings_is_refused():
+    """Of the cylinder's whirl on a wall that stores gas, at a damping ratio of 0.7, 4,500 rpm."""
+    d = preset("carbon_bushing").design
+    numbers = [d.bearing_number(v * math.pi / 30.0) for v in (2_000.0, 6_000.0)]
+    with pytest.raises(InputError, match=r"cannot be followed from 4,[45]\d\d rpm.*decrement 6\."):
+        coefficients_over_speed(d, 3.0, numbers, FILM_WHIRL, MESH)
+
+
 @pytest.mark.parametrize("name", STORING)
 def test_a_grid_on_a_wall_that_stores_gas_is_right_at_a_modes_own_frequency(name):
     """Between its speeds too: every lightly damped mode, and the film's whirl, to 5 % or 0.002 of
