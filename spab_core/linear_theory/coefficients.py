@@ -18,6 +18,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -38,6 +39,7 @@ FREQUENCIES = 121  # of a table over speed and frequency
 _LOWEST, _MARGIN, _LIGHTLY_DAMPED = 0.1, 1.25, 0.3
 # relative, in frequency: two modes with growth rates of their own are at least so far apart, and
 # each rate holds so far about its mode
+_NUDGE = 0.01  # relative change of a frequency, to see what follows from it
 _APART, _FLAT = 0.02, 0.15
 NAMES = tuple(
     f"{kind}{i}{j}" for kind in "kc" for i in "xy" for j in "xy"
@@ -71,6 +73,10 @@ class Coefficients:
         Shaft speeds in rad/s that were asked for and have no static equilibrium.
     held : bool
         Whether the journal, which moves along the axis in the design, is held there in these.
+    lost : tuple of float
+        Of a grid, shaft speeds in rad/s at which a program that takes K and C at a mode's frequency
+        and repeats that at the frequency found is driven away from the film's whirl, which it then
+        does not find.
     """
 
     axis: str
@@ -83,6 +89,7 @@ class Coefficients:
     modes: tuple[Mode, ...] = ()
     missing: tuple[float, ...] = ()
     held: bool = False
+    lost: tuple[float, ...] = ()
 
     @property
     def whirl_ratio(self) -> np.ndarray:
@@ -107,7 +114,9 @@ def _join(
             "to linearise"
         )
     names = ("speed", "whirl_frequency", "growth", "stiffness", "damping", "contact_load_share")
-    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    columns: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in names
+    }
     held = any(part.held for part in parts)
     return Coefficients(axis, **columns, modes=tuple(modes), missing=tuple(missing), held=held)
 
@@ -271,12 +280,44 @@ def coefficients_over_speed_and_frequency(
     for z, every, mode in found:
         ratios = axis / design.speed(z.bearing_number)
         rows.append(coefficients(z, ratios, _growth_at(ratios, every, mode)))
-    return _join(
+    table = _join(
         "speed and frequency",
         [replace(part, whirl_frequency=axis) for part in rows],  # the same to the last bit
         [mode for _, _, mode in found for _ in axis],
         _missing(design, bearing_numbers, followed),
     )
+    lost = [z.bearing_number for z, every, mode in found if _is_lost(z, every, mode, rotor_mass)]
+    return replace(table, lost=tuple(design.speed(number) for number in lost))
+
+
+def _is_lost(z: Impedance, every: Sequence[Mode], followed: Mode, rotor_mass: float) -> bool:
+    """Return whether the frequency of the film's whirl on K and C moves by more than the frequency
+    that K and C are taken at: a fixed point that repels what repeats.
+    """
+    given = followed.ratio * np.array([1.0 - _NUDGE, 1.0 + _NUDGE])
+    near = coefficients(z, given, _growth_at(given, every, followed))
+    speed, told = z.design.speed(z.bearing_number), []
+    for k, c in zip(near.stiffness, near.damping, strict=True):
+        roots = _roots_on(z.design, rotor_mass, k, c) / speed
+        told.append(roots[np.abs(roots - followed.root).argmin()].imag)
+    return bool(abs(told[1] - told[0]) >= given[1] - given[0])
+
+
+def _roots_on(
+    design: Design, rotor_mass: float, stiffness: np.ndarray, damping: np.ndarray
+) -> np.ndarray:
+    """Return the eigenvalues, 1/s, of the rotor on real K (N/m) and C (N s/m)."""
+    share, shaft = design.rotor.journal_mass_fraction, design.rotor.shaft_stiffness
+    if design.rigid:
+        mass: np.ndarray = rotor_mass * np.eye(2)
+        k, c = stiffness, damping
+    else:
+        spring = np.kron([[1.0, -1.0], [-1.0, 1.0]], shaft * np.eye(2))
+        mass = rotor_mass * np.kron(np.diag([share, 1.0 - share]), np.eye(2))
+        k = spring + np.kron(np.diag([1.0, 0.0]), stiffness)
+        c = np.kron(np.diag([1.0, 0.0]), damping)
+    motion = np.eye(len(mass), 2 * len(mass), len(mass))  # displacements change by velocities
+    return np.linalg.eigvals(np.vstack([motion, -np.linalg.solve(mass, np.hstack([k, c]))]))
 
 
 def _growth_at(ratios: np.ndarray, modes: Sequence[Mode], followed: Mode) -> np.ndarray:

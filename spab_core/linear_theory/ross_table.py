@@ -120,6 +120,15 @@ def coefficient_warnings(found: Coefficients) -> list[str]:
             "(rotor.axial_motion): vibrations along the axis, and how they couple with motion "
             "across under an axial load, are not in the table."
         )
+    if found.lost:
+        lost = to_rpm(np.array(found.lost))
+        warnings.append(
+            f"At {count(len(lost), 'speed')} ({lost.min():,.0f} to {lost.max():,.0f} rpm) what "
+            "repeats K and C at the frequency it finds, as ROSS with matched_whirl=True, is "
+            f"driven away from the {FILM_MODE} on this table and may call an unstable rotor "
+            "stable: take the table over speed alone (--whirl film-whirl) for the limit of "
+            "stability."
+        )
     names = sorted({mode.name for mode in found.modes})
     if names not in ([], [FILM_MODE]):
         warnings.append(f"The mode followed is no {FILM_MODE} at all speeds: {', '.join(names)}.")
