@@ -55,8 +55,8 @@ PRESETS = {
         Preset(
             "fed_spindle",
             "Fed porous spindle",
-            "R 40 mm fed with 6 bar through bare porous carbon, whose pores store gas: pneumatic "
-            "hammer from 1.6 kg on",
+            "R 40 mm fed with 6.1 bar absolute through bare porous carbon, whose pores store gas: "
+            "pneumatic hammer from 1.6 kg on",
             4.0,
             20_000.0,
         ),
@@ -71,8 +71,8 @@ PRESETS = {
         Preset(
             "small_high_speed",
             "Small high-speed",
-            "R 10 mm fed with 4 bar through bare porous carbon, a rotor of 50 g at 60,000 rpm: "
-            "pneumatic hammer from 29 g on",
+            "R 10 mm fed with 4.1 bar absolute through bare porous carbon, a rotor of 50 g at "
+            "60,000 rpm: pneumatic hammer from 29 g on",
             0.05,
             60_000.0,
         ),
@@ -87,15 +87,15 @@ PRESETS = {
         Preset(
             "carbon_bushing",
             "Porous carbon bushing",
-            "A cylinder as it is sold: 50 mm bore, 89 mm long, fed with 4.1 bar, gap 8 µm",
+            "A cylinder as it is sold: 50 mm bore, 89 mm long, fed with 4.1 bar absolute, gap 8 µm",
             3.0,
             10_000.0,
         ),
         Preset(
             "rigid_balanced",
             "Rigid balanced",
-            "R 60 mm fed with 5 bar through bare porous carbon, rigid and without unbalance: what "
-            "linear theory treats exactly; pneumatic hammer from 7.1 kg on",
+            "R 60 mm fed with 5.1 bar absolute through bare porous carbon, rigid and without "
+            "unbalance: what linear theory treats exactly; pneumatic hammer from 7.1 kg on",
             5.0,
             15_000.0,
         ),

@@ -284,6 +284,17 @@ def test_nothing_is_doubted_in_the_presets(name):
     assert design_remarks(design_toml(PRESETS[name].design)) == []
 
 
+@pytest.mark.parametrize("preset", PRESETS.values(), ids=PRESETS)
+def test_a_preset_says_its_supply_as_the_absolute_pressure_it_has(preset):
+    design = preset.design
+    bar = 1e-5 * design.bearing.supply_pressure_ratio * design.gas.ambient_pressure
+    told = re.findall(r"([\d.]+) bar( absolute)?", preset.text)
+    assert all(
+        absolute and float(value) == pytest.approx(bar, abs=0.05) for value, absolute in told
+    )
+    assert told or "fed with" not in preset.text
+
+
 def test_what_a_file_leaves_out_is_told():
     (remark,) = design_remarks(b"\xef\xbb\xbf[bearing]\r\nradius = 0.05\r\nclearance = 3e-5\r\n")
     usual = reference_design().told()  # what came later and does nothing need not be told
