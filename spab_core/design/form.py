@@ -99,7 +99,10 @@ def _fields() -> dict[str, FormField]:
             low, high = (m[k] if over_ambient else _shift(m[k], -power) for k in ("low", "high"))
             shown = f"{low:g} to {high:g}" + (f" {unit}" if unit and not over_ambient else "")
             if over_ambient:
-                text += f". The ratio may be {shown}"
+                text = (
+                    "Of the chamber behind the porous wall, over vacuum; open to ambient it is the "
+                    f"ambient pressure. From {shown} times the ambient pressure"
+                )
             else:
                 text += f". From {'above ' if m['open_low'] else ''}{shown}" + (
                     ", or rigid" if m["infinite"] else ""
@@ -122,6 +125,17 @@ def _fields() -> dict[str, FormField]:
 
 
 FIELDS = _fields()
+
+
+def contact_words(design: Design) -> str:
+    """Return the wall's contact law in N and µm, which the form has over p_a R² and C."""
+    force, length = design.force_unit, 1e6 * design.bearing.clearance
+    closure = design.contact.force_at_closure * force
+    return (
+        f"In this bearing f₀ = {closure:{',.0f' if closure >= 1e3 else '.4g'}} N "
+        f"(p_a R² = {force:,.4g} N), s = {design.contact.roughness * length:.3g} µm "
+        f"(C = {length:.4g} µm)"
+    )
 
 
 def unused(design: Design) -> frozenset[str]:

@@ -19,6 +19,7 @@ from spab_core.design.form import (
     GRADE_RANGE,
     GROUPS,
     FormField,
+    contact_words,
     eccentricity_of_grade,
     from_form,
     grade_of_eccentricity,
@@ -298,6 +299,8 @@ def design_fields() -> None:
             fields = [f for f in FIELDS.values() if f.group == group]
             for k, field in enumerate(sorted(fields, key=lambda f: not f.choices)):
                 _field(columns[k % 2], field)
+            if group == "Contact":
+                st.caption(f"{contact_words(design)}.")
 
 
 def design_popover() -> None:

@@ -14,6 +14,7 @@ from spab_core.design.form import (
     FIELDS,
     GROUPS,
     bearing_number_of,
+    contact_words,
     eccentricity_of_grade,
     from_form,
     grade_of_eccentricity,
@@ -56,6 +57,19 @@ def test_the_reference_design_reads_as_on_its_drawing():
     assert {name: shown[name] for name in expected} == expected
     assert (
         shown["rotor__shaft_stiffness"] == 50.0 and shown["rotor__unbalance_eccentricity"] == 13.0
+    )
+
+
+def test_the_supply_is_explained_as_the_pressure_that_is_typed():
+    field = FIELDS["bearing__supply_pressure_ratio"]
+    assert field.unit == "bar" and "over vacuum" in field.help and "ratio" not in field.help
+    assert field.help.endswith("From 0.1 to 100 times the ambient pressure.")
+
+
+def test_the_contact_law_is_told_in_newton_and_micrometres():
+    # p_a R² = 101325 Pa (60 mm)² = 364.8 N, C = 35 µm
+    assert contact_words(reference_design()) == (
+        "In this bearing f₀ = 36,477 N (p_a R² = 364.8 N), s = 0.7 µm (C = 35 µm)"
     )
 
 
