@@ -9,7 +9,7 @@ from streamlit.delta_generator import DeltaGenerator
 from spab_core.maps.stability_map import map_bytes
 from spab_core.plotting.map import HEIGHT, LAYERS, SURROGATE
 from spab_core.plotting.plain_picture import picture_of_orbits
-from spab_core.plotting.point import orbit_figure
+from spab_core.plotting.point import orbit_figure, orbit_words
 from spab_core.reporting.export import map_netcdf, map_table
 from spab_core.surrogates.models import MODELS
 from spab_core.trajectory.point import OperatingPoint
@@ -228,7 +228,7 @@ def _point() -> tuple[DeltaGenerator, go.Figure] | None:
     settled = ", settled on a periodic orbit" if t.settled else ""
     st.caption(
         f"Solved live: {t.completed} revolutions from rest{settled}, {t.wall_seconds:.2f} s on "
-        f"{t.mesh} film nodes, at Λ {number:.4g} and {mass:.4g} kg."
+        f"{t.mesh} film nodes, at Λ {number:.4g} and {mass:.4g} kg. {orbit_words(point)}"
     )
     return place, orbit
 

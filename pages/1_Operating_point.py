@@ -109,6 +109,8 @@ def overview(point: OperatingPoint, key: str) -> None:
         show("spectrum", ui.spectrum_of(point).update_layout(tall), key)
     with st.container() if compare else boxes[1]:  # its points are marked on the orbit too
         show("section", draw.section_figure(point).update_layout(tall), key)
+    if words := draw.orbit_words(point):
+        st.caption(words)
 
 
 def tab_content(name: str, point: OperatingPoint, key: str) -> None:
@@ -123,6 +125,8 @@ def tab_content(name: str, point: OperatingPoint, key: str) -> None:
         for box, body in zip(st.columns(2), bodies, strict=False):
             with box:
                 show(body, draw.body_figure(point, body, ui.run_up_of(point)), key)
+        if words := draw.orbit_words(point):
+            st.caption(words)
     elif name == "Film 3-D":
         film(point, key)
     else:
@@ -135,6 +139,8 @@ def tab_content(name: str, point: OperatingPoint, key: str) -> None:
         show(name.lower(), draws[name](), key)
         if name == "Spectrum":
             st.caption(ui.strongest_lines(point))
+        elif name == "Exponent":
+            st.caption(draw.exponent_words(point))
 
 
 def film(point: OperatingPoint, key: str) -> None:

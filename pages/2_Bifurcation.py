@@ -4,6 +4,7 @@ any other computed live.
 
 import streamlit as st
 
+from spab_core.active_learning.quick_map import ends_around
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.jobs.kinds import workers_for
 from spab_core.maps.bifurcation import SWEEPS, line_of_map
@@ -27,6 +28,7 @@ from spab_core.ui.view import (
     design_option,
     is_reference,
     number_field,
+    show_usual,
 )
 
 page_head("speed and mass sweeps")
@@ -119,11 +121,20 @@ along, limits, unit = (
     ("mass", ROTOR_MASS_RANGE, "kg") if over_mass else ("number", BEARING_NUMBER_RANGE, "Λ")
 )
 row = st.container(horizontal=True, vertical_alignment="bottom")
-start = number_field(
-    f"From, {unit}", *limits, place=row, key=f"{along}_from", step=0.1, format="%.3f", width=160
-)
-stop = number_field(
-    f"To, {unit}", *limits, place=row, key=f"{along}_to", step=0.1, format="%.3f", width=160
+start, stop = (
+    number_field(
+        f"{name.capitalize()}, {unit}",
+        *limits,
+        place=row,
+        **show_usual(f"{along}_{name}", usual, limits),
+        step=0.1,
+        format="%.4g",
+        width=160,
+        help="By default from a quarter of the point to three times it",
+    )
+    for name, usual in zip(
+        ("from", "to"), ends_around(mass if over_mass else number, limits), strict=True
+    )
 )
 count = int(number_field("Points", 2, 2000, place=row, key="points", step=10, width=160))
 with row.popover("Solver", icon=":material/memory:"):

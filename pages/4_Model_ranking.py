@@ -282,8 +282,8 @@ if file is not None:
         )
         whose = design_words()
         st.caption(
-            f"{len(samples.mle):,} points{dropped}. {capital(whose)} gives the linear "
-            "theory that some models start from."
+            f"{len(samples.mle):,} points{dropped}. The linear theory that some models start from "
+            f"is that of: {whose}."
         )
         for note in samples.notes:
             st.warning(f"{capital(note)}{'' if note.endswith('?') else '.'}")

@@ -18,7 +18,7 @@ from spab_core.ui.margin import margin_panel
 from spab_core.ui.own_report import report_downloads
 from spab_core.ui.point_bar import point_bar
 from spab_core.ui.shared import errors_in_words, marked_map_figure, page_head
-from spab_core.ui.verdict import grade_box
+from spab_core.ui.verdict import assumed_line, grade_box
 from spab_core.ui.view import (
     OWN_LAYERS,
     OWN_MINUTES,
@@ -163,6 +163,7 @@ if shown:
                 st.info(words, icon=":material/info:")  # green is for what was solved
             else:
                 grade_box(words, judged.grade)
+            assumed_line()
         by_grade, by_regime = own_map.shares(found)
         tiles = {"Solved cells": f"{int(refined.solved.sum()):,}"}
         tiles |= {GRADE_WORDS[g].capitalize(): f"{100 * s:.1f} %" for g, s in by_grade.items()}

@@ -16,7 +16,7 @@ from spab_core.maps.sensitivity import (
     MachineMargin,
     load_sensitivity,
 )
-from spab_core.plotting.point import orbit_figure
+from spab_core.plotting.point import orbit_figure, orbit_words
 from spab_core.plotting.sensitivity import run_up_figure, tornado_figure
 from spab_core.trajectory.assessment import GRADE_WORDS, GRADES
 from spab_core.trajectory.expected_time import expected_seconds
@@ -27,7 +27,7 @@ from spab_core.ui.lines import band_table, line_command, line_of_job
 from spab_core.ui.point_bar import point_bar
 from spab_core.ui.shared import errors_in_words, page_head
 from spab_core.ui.solving import live_point
-from spab_core.ui.verdict import grade_box, grade_label, point_rows, point_verdict
+from spab_core.ui.verdict import assumed_line, grade_box, grade_label, point_rows, point_verdict
 from spab_core.ui.view import (
     SCANS,
     SPEEDS,
@@ -97,6 +97,7 @@ def show_sensitivity(base: MachineMargin, table: pd.DataFrame) -> None:
     """The margin in words, its changes as a figure and a table."""
     unit = "rpm" if base.axis == "speed" else "kg"
     grade_box(base.verdict(), base.grade)
+    assumed_line()
     figure = tornado_figure(base, table)
     st.plotly_chart(figure, key="tornado", width="stretch")
     st.dataframe(
@@ -154,6 +155,7 @@ def run_the_machine_up() -> None:
             line = line_of_job(job)
             worst, words = line_verdict(line, "up")
             grade_box(f"The run-up. {words}", worst)
+            assumed_line()
             figure, found = run_up_figure(line), interval_table(line, ["up"])
             st.plotly_chart(figure, key="run_up", width="stretch")
             left, right = st.columns([1, 1])
@@ -203,6 +205,8 @@ def two_designs() -> None:
                     continue
                 point_verdict(point)
                 st.plotly_chart(orbit_figure(point), key=f"two_{len(columns)}", width="stretch")
+                if words := orbit_words(point):
+                    st.caption(words)
                 judged[title] = point.assessment(chosen_limits()).grade
                 columns[title] = point_rows(point)
         if len(judged) == len(sides):

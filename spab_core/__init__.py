@@ -1,5 +1,5 @@
-"""Rotors on spherical porous gas bearings: their motion at a rotor mass and bearing number, and the
-margin to instability.
+"""Rotors on spherical or cylindrical porous gas bearings: their motion at a rotor mass and bearing
+number, and the margin to instability.
 
 Data flows down this table; no package imports from a later one. The docstring of each package lists
 its modules.

@@ -80,11 +80,17 @@ def check_cells(most: int, count: int, name: str = "cells to solve") -> int:
     return int(check_number(name, most, MIN_START, count))
 
 
-def axis_around(at: float, limits: tuple[float, float], count: int) -> str:
-    """Return the usual axis of a map around a point as start:stop:count: from a quarter of the
-    point's value to three times it, within ``limits``.
+def ends_around(at: float, limits: tuple[float, float]) -> tuple[float, float]:
+    """Return the usual ends of a map or line around a point: a quarter of the point's value and
+    three times it, to five digits, within ``limits``.
     """
-    low, high = (min(max(at * factor, limits[0]), limits[1]) for factor in SPAN)
+    low, high = (float(f"{min(max(at * k, limits[0]), limits[1]):.5g}") for k in SPAN)
+    return low, high
+
+
+def axis_around(at: float, limits: tuple[float, float], count: int) -> str:
+    """Return the usual axis of a map around a point as start:stop:count (:func:`ends_around`)."""
+    low, high = ends_around(at, limits)
     return f"{low:.5g}:{high:.5g}:{count}"
 
 

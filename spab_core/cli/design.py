@@ -17,10 +17,11 @@ import numpy as np
 from spab_core.cli import drawings, options
 from spab_core.cli.design_map import add_map_options, design_map
 from spab_core.cli.options import Answer, Commands, Parser
-from spab_core.cli.point import assessment_lines
+from spab_core.cli.point import assessment_lines, extremes_words
 from spab_core.cli.progress import say_compiling
 from spab_core.common.errors import InputError
 from spab_core.common.files import check_output
+from spab_core.common.validation import check_number
 from spab_core.common.words import capital
 from spab_core.design.form import bearing_number_of
 from spab_core.design.limits import check_point
@@ -28,7 +29,9 @@ from spab_core.design.model import Design, save_design
 from spab_core.design.presets import PRESETS, preset
 from spab_core.linear_theory.coefficients import (
     FILM_WHIRL,
+    FREQUENCIES,
     NAMES,
+    WHIRL_RANGE,
     Coefficients,
     coefficients_over_speed,
     coefficients_over_speed_and_frequency,
@@ -101,7 +104,7 @@ def add_commands(commands: Commands) -> None:
         f"which ROSS reads as one over speed alone: {FILM_WHIRL}); or the whirl frequency over "
         f"shaft speed: {FILM_WHIRL}, at each speed that of the film's whirl, followed by "
         "continuity, for the limit of stability; a number (1: synchronous, for unbalance); "
-        "START:STOP:COUNT at one shaft speed",
+        "START:STOP:COUNT at one shaft speed, or over a range of them, there over the highest",
     )
     sub.add_argument(
         "--out",
@@ -191,7 +194,8 @@ def _show(args: Namespace) -> Answer:
     point = solve_point(design, args.rotor_mass, number, settings)
     judged, motion = point.assessment(limits, rest=found), point.record(limits)
     if not args.json:
-        print("\n".join([*_lines(found), *assessment_lines(judged)]))
+        moves = [f"Motion with unbalance: {extremes_words(point)}"] if point.mle else []
+        print("\n".join([*_lines(found), *moves, *assessment_lines(judged)]))
     return (
         found.record()
         | {name: motion[name] for name in _OF_MOTION}
@@ -301,7 +305,8 @@ def _coefficients(args: Namespace) -> Answer:
     elif whirl is not None and whirl != FILM_WHIRL:
         whirl = _values(args.whirl, "--whirl", f", nor {FILM_WHIRL}")
     if workbook and isinstance(whirl, np.ndarray):
-        check_workbook("frequency")
+        both = isinstance(speeds, np.ndarray)
+        check_workbook("speed and frequency" if both else "frequency")
     check_point(args.rotor_mass, float(np.max(speeds)))
     found = _solve(design, args.rotor_mass, speeds, whirl, mesh)
     save_table(found, args.out)
@@ -331,6 +336,22 @@ def _table_lines(out: str, found: Coefficients) -> list[str]:
     return lines + coefficient_warnings(found)
 
 
+def _frequencies(design: Design, speeds: np.ndarray, whirl: np.ndarray) -> np.ndarray:
+    """Return the whirl frequencies in rad/s of a table over both: --whirl times the highest speed,
+    the same at each speed, as a table must have them.
+    """
+    rows = len(speeds) * len(whirl)
+    if rows > MAX_ROWS * FREQUENCIES:
+        raise InputError(
+            f"--rpm and --whirl: {len(speeds):,} speeds times {len(whirl):,} frequencies are "
+            f"{rows:,} rows: allowed are at most {MAX_ROWS * FREQUENCIES:,}"
+        )
+    slow, fast = float(np.min(speeds)), float(np.max(speeds))
+    for value in whirl[[0, -1]]:  # over the lowest speed it is the largest ratio
+        check_number("whirl ratio", float(value), WHIRL_RANGE[0], WHIRL_RANGE[1] * slow / fast)
+    return np.asarray(whirl * design.speed(fast))
+
+
 def _solve(
     design: Design,
     rotor_mass: float,
@@ -340,9 +361,9 @@ def _solve(
 ) -> Coefficients:
     if isinstance(speeds, np.ndarray):
         if isinstance(whirl, np.ndarray):
-            raise InputError(
-                "give a range of shaft speeds or of whirl ratios alone; without --whirl the table "
-                "is over both"
+            frequencies = _frequencies(design, speeds, whirl)
+            return coefficients_over_speed_and_frequency(
+                design, rotor_mass, speeds, frequencies, mesh
             )
         if whirl is None:
             return coefficients_over_speed_and_frequency(design, rotor_mass, speeds, mesh=mesh)

@@ -32,7 +32,8 @@ def _build_parser(command: str = "") -> Parser:
     """Build the parser of the module that holds this command, or of all."""
     parser = Parser(
         prog="spab",
-        description="Rotors on spherical porous gas bearings: regimes, exponents, stability maps.",
+        description="Rotors on spherical or cylindrical porous gas bearings: regimes, exponents, "
+        "stability maps.",
     )
     parser.add_argument("--version", action="version", version=f"spab {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)

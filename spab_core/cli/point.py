@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 from argparse import Namespace
 
 from spab_core.cli import options
 from spab_core.cli.options import Answer, Commands
 from spab_core.cli.progress import say_compiling
 from spab_core.common.files import check_output, write_atomically
+from spab_core.common.words import newtons
 from spab_core.design.limits import check_point
 from spab_core.linear_theory.conical import conical_thresholds
 from spab_core.linear_theory.equilibrium import concentric_stiffness
@@ -18,7 +20,7 @@ from spab_core.solver.film import parse_mesh
 from spab_core.trajectory.assessment import Assessment
 from spab_core.trajectory.compiling import compile_once
 from spab_core.trajectory.point import OperatingPoint, solve_point
-from spab_core.trajectory.point_file import save_point, start_of
+from spab_core.trajectory.point_file import path_units, save_point, start_of
 from spab_core.trajectory.run import path_table
 from spab_core.trajectory.starts import WHIRLING
 
@@ -97,11 +99,19 @@ def _simulate(args: Namespace) -> Answer:
         if point.mle:
             print(
                 f"MLE {point.mle.value:+.4f} ± {point.mle.standard_error:.4f} per revolution at "
-                f"{record['speed_rpm']:,.0f} rpm; largest eccentricity "
-                f"{record['max_eccentricity']:.3f} of the clearance; "
+                f"{record['speed_rpm']:,.0f} rpm; {extremes_words(point)}; "
                 f"{record['revolutions']} revolutions in {record['wall_seconds']:.2f} s"
             )
     return record
+
+
+def extremes_words(point: OperatingPoint) -> str:
+    """Return the largest eccentricity, least film and asperity force of a motion as a clause."""
+    return (
+        f"largest eccentricity {point.max_eccentricity:.3f} of the clearance, least film "
+        f"{1e6 * point.least_film:.2f} µm, largest asperity force "
+        f"{newtons(point.peak_contact_force)} N"
+    )
 
 
 def assessment_lines(found: Assessment) -> list[str]:
@@ -113,9 +123,11 @@ def _orbit_csv(point: OperatingPoint) -> bytes:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     columns = path_table(point.trajectory)
-    writer.writerow(columns)
+    writer.writerow([*columns, "units"])  # said once, in the first row of a last column
+    units = itertools.chain([path_units(point.design)], itertools.repeat(""))
     writer.writerows(
-        [f"{t:.6f}", *(f"{v:.8g}" for v in row)] for t, *row in zip(*columns.values(), strict=True)
+        [f"{t:.6f}", *(f"{v:.8g}" for v in row), next(units)]
+        for t, *row in zip(*columns.values(), strict=True)
     )
     return text.getvalue().encode()
 

@@ -102,6 +102,13 @@ def check_writable(folder: Path, name: str) -> None:
             ) from None
 
 
+def with_units(table: pd.DataFrame, words: str) -> pd.DataFrame:
+    """Return a table with what its columns are measured in: in the first row of a last column
+    ``units``, so that programs find the names in the first line and the numbers under them.
+    """
+    return table.assign(units=[words] + [""] * (len(table) - 1) if len(table) else [])
+
+
 def csv_bytes(table: pd.DataFrame, semicolons: bool = False) -> bytes:
     """Return a table as CSV; the bytes are the same on every system.
 

@@ -36,7 +36,16 @@ from spab_core.design.tolerances import (
     parse_tolerances,
 )
 from spab_core.drawings.drivers import wilson
-from spab_core.drawings.look import ROW, Look, Rows, empty_rows, look_at, looker
+from spab_core.drawings.look import (
+    ROW,
+    Look,
+    Rows,
+    empty_rows,
+    look_at,
+    looker,
+    read_row,
+    read_rows,
+)
 from spab_core.drawings.screening import screen
 from spab_core.drawings.tolerance import draw, finite, machines_at, plain, read_json
 from spab_core.linear_theory.assumptions import assumptions
@@ -324,6 +333,7 @@ class Improvement:
                 "gas_flow": self.rows["gas_flow"],
                 "stiffness": self.rows["stiffness"],
                 "least_film": self.rows["least_film"],
+                "peak_contact_force": self.rows["peak_contact_force"],
                 "confirmed": self.confirmed,
                 "finer_margin": self.finer["margin"],
                 "share_good": self.shares[:, 0],
@@ -352,6 +362,10 @@ class Improvement:
             rows.append((label, wish.unit, old_value, new))
         pair = (float(self.before["eccentricity"]), float(self.rows["eccentricity"][k]))
         rows.append(("Largest eccentricity", "", *pair))
+        forces = (float(self.before["peak_contact_force"]), self.rows["peak_contact_force"][k])
+        if np.isfinite(forces).all():  # files of earlier versions have none
+            before, after = np.round(forces, 2)
+            rows.append(("Largest asperity force", "N", float(before), float(after)))
         return pd.DataFrame(rows, columns=["value", "unit", "before", "after"])
 
     def sentences(self) -> list[str]:
@@ -840,10 +854,7 @@ def improvement_of(data: dict[str, Any]) -> Improvement:
     """Return the improvement of :func:`improvement_dict`."""
     ranges = {str(name): (float(b[0]), float(b[1])) for name, b in data["ranges"].items()}
     values = np.array(data["values"], float).reshape(-1, len(ranges))
-    rows, finer = (
-        {name: np.array(data[key][name], dtype) for name, dtype in ROW.items()}
-        for key in ("rows", "finer")
-    )
+    rows, finer = (read_rows(data[key]) for key in ("rows", "finer"))
     shares = np.array(data["shares"], float).reshape(-1, 3)
     if any(len(v) != len(values) for v in (*rows.values(), *finer.values(), shares)):
         raise ValueError("its columns have different lengths")
@@ -855,7 +866,7 @@ def improvement_of(data: dict[str, Any]) -> Improvement:
         Holds(**data["holds"]),
         parse_tolerances(data["tolerances"]),
         int(data["seed"]),
-        {name: data["before"][name] for name in ROW},
+        read_row(data["before"]),
         values,
         rows,
         finer,

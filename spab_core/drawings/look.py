@@ -41,6 +41,7 @@ ROW: dict[str, Any] = {  # of a machine
     "least_film": np.float64,  # m
     "eccentricity": np.float64,
     "orbit": np.float64,
+    "peak_contact_force": np.float64,  # largest normal force of the asperities, N
     "gas_flow": np.float64,  # normal litres a minute; nan without an equilibrium
     "stiffness": np.float64,  # static, of the softest direction, N/m
     "margin": np.float64,  # largest rise solved without trouble to be avoided, relative
@@ -49,6 +50,7 @@ ROW: dict[str, Any] = {  # of a machine
     "points": np.int64,  # solved
     "seconds": np.float64,
 }
+_LATER = ("peak_contact_force",)  # which files of earlier versions lack: nan there
 Rows = dict[str, np.ndarray]
 Progress = Callable[[int], None]
 
@@ -147,6 +149,7 @@ def look_at(machine: Machine, look: Look) -> dict[str, Any]:
         "least_film": point.least_film,
         "eccentricity": point.max_eccentricity,
         "orbit": point.orbit_amplitude,
+        "peak_contact_force": point.peak_contact_force,
         "gas_flow": flow.normal_litres if flow else math.nan,
         "stiffness": softest(c.stiffness[0]) if c else math.nan,
         "margin": 0.0,
@@ -208,6 +211,19 @@ def _line(machine: Machine, look: Look) -> dict[str, Any]:
         else:
             near = middle
     return {"margin": near - 1.0, "ends": far - 1.0, "meets": meets, "points": solved}
+
+
+def read_row(data: dict[str, Any]) -> dict[str, Any]:
+    """Return a machine's row out of the plain values of a file."""
+    return {name: data.get(name, math.nan) if name in _LATER else data[name] for name in ROW}
+
+
+def read_rows(data: dict[str, Any]) -> Rows:
+    """Return machines' rows out of the plain values of a file, lists by the names of
+    :data:`ROW`.
+    """
+    unknown = dict.fromkeys(_LATER, [math.nan] * len(data["grade"]))
+    return {name: np.array((unknown | data)[name], dtype) for name, dtype in ROW.items()}
 
 
 def empty_rows(count: int) -> Rows:

@@ -25,6 +25,7 @@ from spab_core.common.errors import InputError
 from spab_core.common.files import write_atomically
 from spab_core.common.npz import UNREADABLE
 from spab_core.common.validation import check_number
+from spab_core.common.words import newtons
 from spab_core.design.tolerances import (
     VALUES,
     Machine,
@@ -34,7 +35,7 @@ from spab_core.design.tolerances import (
     value_of,
 )
 from spab_core.drawings.drivers import CONFIDENCE, drivers, narrowings, wilson
-from spab_core.drawings.look import ROW, Look, Rows, look_at, looker
+from spab_core.drawings.look import ROW, Look, Rows, look_at, looker, read_row, read_rows
 from spab_core.trajectory.assessment import AVOID, GOOD, GRADE_WORDS, GRADES
 
 FIRST, MACHINES, MOST = 64, 512, 8192  # machines: of the first batch, usually at most, allowed
@@ -188,6 +189,12 @@ class ToleranceStudy:
                 f"Least film: median {1e6 * film['50 %']:.1f} µm, 5 % of the machines have less "
                 f"than {1e6 * film['5 %']:.1f} µm."
             )
+        force = self.spread("peak_contact_force")
+        if force:
+            lines.append(
+                f"Largest asperity force: median {newtons(force['50 %'])} N, 5 % of the machines "
+                f"have more than {newtons(force['95 %'])} N."
+            )
         if self.look.axis:
             lines.append(self._margin_words())
         what, table = self.drivers
@@ -251,6 +258,7 @@ class ToleranceStudy:
             "margin_axis": self.look.axis or None,
             "margin": self.spread("margin") if self.look.axis else None,
             "least_film_m": self.spread("least_film"),
+            "peak_contact_force_n": self.spread("peak_contact_force"),
             "drivers_of": what,
             "drivers": finite(table.to_dict("records")),
             "forest_explains": table.attrs.get("explained"),
@@ -410,11 +418,11 @@ def study_of(data: dict[str, Any]) -> ToleranceStudy:
     machine = Machine.from_dict(data["machine"])
     tolerances = parse_tolerances(data["tolerances"])
     quantiles = np.array(data["quantiles"], float).reshape(-1, len(tolerances))
-    rows = {name: np.array(data["rows"][name], dtype) for name, dtype in ROW.items()}
+    rows = read_rows(data["rows"])
     if any(len(values) != len(quantiles) for values in rows.values()) or not len(quantiles):
         raise ValueError("its columns have different lengths")
     _, values = machines_at(machine, tolerances, quantiles)
-    nominal = {name: data["nominal"][name] for name in ROW}
+    nominal = read_row(data["nominal"])
     return ToleranceStudy(
         machine,
         tolerances,

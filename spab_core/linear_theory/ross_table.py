@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from spab_core.common.errors import InputError
-from spab_core.common.files import check_output, csv_bytes, write_atomically
+from spab_core.common.files import check_output, csv_bytes, with_units, write_atomically
 from spab_core.common.units import to_rpm
 from spab_core.common.words import count
 from spab_core.linear_theory.coefficients import NAMES, Coefficients
@@ -109,11 +109,15 @@ def coefficient_warnings(found: Coefficients) -> list[str]:
             f"{count(len(missing), 'speed')} left out ({missing.min():,.0f} to "
             f"{missing.max():,.0f} rpm), which have no static equilibrium."
         )
-    if "speed" in found.axis and len(np.unique(found.speed)) < LEAST_POINTS:
-        warnings.append(
-            f"Fewer than {LEAST_POINTS} speeds: programs that interpolate, ROSS among them, want "
-            "more."
-        )
+    for axis, values, name in (
+        ("speed", found.speed, "speeds"),
+        ("frequency", found.whirl_frequency, "whirl frequencies"),
+    ):
+        if axis in found.axis and len(np.unique(values)) < LEAST_POINTS:
+            warnings.append(
+                f"Fewer than {LEAST_POINTS} {name}: programs that interpolate, ROSS among them, "
+                "want more."
+            )
     if found.held:
         warnings.append(
             "The journal is held along the axis here, and the design lets it move "
@@ -162,7 +166,7 @@ def table_bytes(found: Coefficients, form: str) -> bytes:
         For XLSX and anything but a table over speed.
     """
     if form == ".csv":
-        return csv_bytes(coefficient_table(found))
+        return csv_bytes(with_units(coefficient_table(found), _UNITS))
     if form == ".json":
         rows = coefficient_table(found).drop(columns=[*NAMES])
         first = ~rows.duplicated("speed") if found.axis == "speed and frequency" else slice(None)

@@ -141,6 +141,13 @@ class Bifurcation:
         """The design that the line was computed for."""
         return Design.from_dict(self.metadata["design"])
 
+    def least_film(self, sweep: str) -> np.ndarray:
+        """Return the least film thickness of each point of a sweep, m, (n,); nan where the largest
+        eccentricity is not known.
+        """
+        largest = self.branches[sweep].max_eccentricity
+        return np.asarray(self.design.bearing.clearance * (1.0 - largest))
+
     def judged(self, sweep: str) -> tuple[np.ndarray, np.ndarray]:
         """Return the assessment of each point of a sweep by its motion alone, and the kind of its
         gravest trouble; (n,) of str each
@@ -476,6 +483,7 @@ def line_table(line: Bifurcation) -> pd.DataFrame:
                     "speed_rpm": speed * number,
                 }
                 | {column: getattr(branch, column) for column in _COLUMNS}
+                | {"least_film_m": line.least_film(name)}
                 | dict(zip(("assessment", "why"), line.judged(name), strict=True)),
                 index=range(len(line.values)),
             )

@@ -136,6 +136,11 @@ class StabilityMap:
         """The design that the map was computed for."""
         return Design.from_dict(self.metadata["design"])
 
+    @property
+    def least_film(self) -> np.ndarray:
+        """Least film thickness of each cell's motion, m, (B, M); nan where that is not known."""
+        return np.asarray(self.design.bearing.clearance * (1.0 - self.max_eccentricity))
+
     def grades(self) -> np.ndarray:
         """Return the assessment of each cell by its motion alone, (B, M) of str
         (:func:`spab_core.trajectory.assessment.grades`).

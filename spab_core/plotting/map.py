@@ -20,6 +20,7 @@ from spab_core.plotting.theme import (
     GRADE_COLOURS,
     MASS_LABEL,
     MLE_LIMIT,
+    MORE_IS_WORSE,
     NEUTRAL,
     PERIOD_COLOURS,
     REGIME_COLOURS,
@@ -82,15 +83,16 @@ def _layer(
         return hover(m, "<br>contact share %{z:.1f} %") | {
             "z": 100.0 * m.contact_share,
             "zmin": 0.0,
-            "colorscale": "Cividis",
+            "zmax": 100.0,
+            "colorscale": MORE_IS_WORSE,
             "colorbar": {"title": "contact share, %", **bar},
         }
     if layer == "Largest eccentricity":
         return hover(m, "<br>largest eccentricity %{z:.3f}") | {
             "z": m.max_eccentricity,
-            "zmin": 0.0,
+            "zmin": 0.5,
             "zmax": 1.0,
-            "colorscale": "Cividis",
+            "colorscale": MORE_IS_WORSE,
             "colorbar": {"title": "largest eccentricity over C", **bar},
         }
     z, title, own = m.mle, "MLE per revolution (> 0 chaotic)", None
@@ -133,11 +135,13 @@ def _add_line(
     dash: str,
 ) -> None:
     """A level of z (x, y) as a black line on a white one, to be seen on every colour; found here,
-    not in the browser.
+    not in the browser. Where there is none, none is named in the legend.
     """
     pieces = contour_generator(x, y, z.T).lines(level)
+    if not pieces:
+        return
     gap = np.full((1, 2), np.nan)
-    path = np.concatenate([part for piece in pieces for part in (piece, gap)] or [gap])
+    path = np.concatenate([part for piece in pieces for part in (piece, gap)])
     for line, shown, (along, up) in (
         ({"color": "#ffffff", "width": 4.5}, False, path.T),
         ({"color": "#000000", "width": 2, "dash": dash}, False, path.T),

@@ -29,7 +29,7 @@ def _square(figure: go.Figure, title: str, reach: float = 1.08) -> go.Figure:
         x=np.cos(circle),
         y=np.sin(circle),
         mode="lines",
-        name="clearance",
+        name="journal's clearance",
         hoverinfo="skip",
         line={"color": NEUTRAL, "width": 1.5, "dash": "dash"},
     )
@@ -95,6 +95,33 @@ def orbit_figure(point: OperatingPoint, run_up: np.ndarray | None = None) -> go.
         else f"Journal: {point.trajectory.status}"
     )
     return _square(figure, title, _reach(path, early))
+
+
+def orbit_words(point: OperatingPoint) -> str:
+    """Return a sentence where the disc is drawn outside the circle of the clearance, else ""."""
+    path = point.trajectory.path.reshape(-1, 8)
+    if point.design.rigid or not len(path) or np.hypot(path[:, 2], path[:, 3]).max() <= 1.0:
+        return ""
+    return (
+        "The dashed circle is the clearance, which holds the journal alone: the disc rides on the "
+        "shaft outside the bearing, and its orbit may be larger."
+    )
+
+
+def exponent_words(point: OperatingPoint) -> str:
+    """Return a sentence on what the running exponent is, and that it ends at the final value."""
+    if point.mle is None:
+        return ""
+    if point.trajectory.settled:
+        return (
+            "The orbit settled: the curve is the rate of its leading Floquet multiplier as "
+            "estimated after so many products with the monodromy matrix, and the final value "
+            "(dotted) is its end."
+        )
+    return (
+        "The curve is the mean of all revolutions measured so far; the final value (dotted) is its "
+        "end, and the band one standard error to each side."
+    )
 
 
 def _section(figure: go.Figure, point: OperatingPoint, size: int) -> None:

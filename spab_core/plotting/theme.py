@@ -27,6 +27,7 @@ GRADE_COLOURS = {  # by trajectory.assessment.GRADES
 }
 GRADE_MARKS = {"good": "✓", "watch": "!", "avoid": "✕"}  # colour is never alone
 PERIOD_COLOURS = (REGIME_COLOURS["periodic"], "#0072B2", "#00334d")  # period 1, 2, 3 and more
+MORE_IS_WORSE = "OrRd"  # scale of what a designer wants little of: from pale to dark red
 CHOSEN = "chosen point"  # name of the trace that marks it
 MLE_LIMIT = 0.6  # the colours saturate there; exponents of settled cells go far below
 BEARING_NUMBER_LABEL, MASS_LABEL = "Bearing number Λ", "Rotor mass on one bearing, kg"

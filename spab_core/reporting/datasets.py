@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy.io import netcdf_file, savemat
 
+from spab_core.design.model import Design
 from spab_core.maps.bifurcation import Bifurcation, line_table
 from spab_core.maps.map_netcdf import CODES
 from spab_core.maps.stability_map import FIELDS, StabilityMap
@@ -23,6 +24,7 @@ _NUMBERS = {
     "mle_standard_error": ("standard error of the exponent", "per revolution"),
     "contact_share": ("share of the time in which the wall carries over a tenth of the load", "1"),
     "max_eccentricity": ("largest eccentricity of the journal over the clearance", "1"),
+    "least_film": ("least film thickness of the motion", "m"),
     "period": ("period of the orbit, 0 unless periodic", "revolutions"),
     "revolutions": ("revolutions integrated", "revolutions"),
     "orbit_amplitude": (
@@ -32,6 +34,14 @@ _NUMBERS = {
     "thin_film_share": ("share of the time at an eccentricity above 0.9", "1"),
     "peak_contact_force": ("largest normal force of the asperities", "N"),
 }
+_OF_LINES = (
+    "mle",
+    "mle_standard_error",
+    "period",
+    "contact_share",
+    "max_eccentricity",
+    "peak_contact_force",
+)
 _AXES = {
     "bearing_number": ("bearing number", "1"),
     "rotor_mass": ("rotor mass on one bearing", "kg"),
@@ -80,6 +90,12 @@ class Dataset:
     table: pd.DataFrame
 
 
+def bearings_words(design: Design) -> str:
+    """Return what a design's bearings are, such as "cylindrical porous gas bearings"."""
+    shape = "cylindrical" if design.bearing.cylindrical else "spherical"
+    return f"{shape} porous gas bearings"
+
+
 def map_table(m: StabilityMap) -> pd.DataFrame:
     """Return a map as a table of B M rows, one a cell, in the order of ``mle.ravel()``."""
     columns: dict[str, np.ndarray] = {
@@ -88,7 +104,8 @@ def map_table(m: StabilityMap) -> pd.DataFrame:
         "rotor_mass_kg": np.tile(m.rotor_mass, len(m.bearing_number)),
     }
     cells = {name: getattr(m, name).ravel() for name in FIELDS}
-    return pd.DataFrame(columns | cells | {"assessment": m.grades().ravel()})
+    judged = {"least_film_m": m.least_film.ravel(), "assessment": m.grades().ravel()}
+    return pd.DataFrame(columns | cells | judged)
 
 
 def _words(name: str, words: np.ndarray, dimensions: tuple[str, ...]) -> Variable:
@@ -103,7 +120,7 @@ def map_dataset(m: StabilityMap) -> Dataset:
     found |= {name: Variable(axes, getattr(m, name), *about) for name, about in _NUMBERS.items()}
     for name, words in (("regime", m.regime), ("status", m.status), ("assessment", m.grades())):
         found[name] = _words(name, words, axes)
-    title = "Stability map of a rotor on spherical porous gas bearings"
+    title = f"Stability map of a rotor on {bearings_words(m.design)}"
     return Dataset(title, found, m.metadata, map_table(m))
 
 
@@ -123,11 +140,13 @@ def line_dataset(line: Bifurcation) -> Dataset:
             branch.section,
             "X2, Y2, X1, Y1 over the clearance, once a revolution",
         )
-        for name in ("mle", "mle_standard_error", "period", "contact_share"):
+        for name in _OF_LINES:
             found[f"{sweep}_{name}"] = Variable((axis,), getattr(branch, name), *_NUMBERS[name])
+        film = Variable((axis,), line.least_film(sweep), *_NUMBERS["least_film"])
+        found[f"{sweep}_least_film"] = film
         for name in ("regime", "status"):
             found[f"{sweep}_{name}"] = _words(name, getattr(branch, name), (axis,))
-    title = "Line of operating points of a rotor on spherical porous gas bearings"
+    title = f"Line of operating points of a rotor on {bearings_words(line.design)}"
     return Dataset(title, found, line.metadata, line_table(line))
 
 
@@ -174,7 +193,7 @@ def point_dataset(point: OperatingPoint) -> Dataset:
         peak_contact_force_n=force * t.force,
         **along,
     )
-    title = "Motion of a rotor on spherical porous gas bearings"
+    title = f"Motion of a rotor on {bearings_words(point.design)}"
     return Dataset(title, about, metadata, table)
 
 

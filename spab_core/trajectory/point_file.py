@@ -75,6 +75,16 @@ def point_arrays(point: OperatingPoint) -> dict[str, np.ndarray]:
     }
 
 
+def path_units(design: Design) -> str:
+    """What the columns of a recorded path (:func:`spab_core.trajectory.run.path_table`) are
+    measured in.
+    """
+    return (
+        f"tau: rad; X, Y, Z: over the clearance of {1e6 * design.bearing.clearance:g} µm; their "
+        "derivatives: per rad"
+    )
+
+
 def _settled(about: dict[str, Any]) -> Settled:
     return Settled(**about | {"history": tuple(about.get("history", ()))})
 

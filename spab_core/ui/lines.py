@@ -25,8 +25,8 @@ from spab_core.maps.bifurcation import (
 from spab_core.plotting.lines import bifurcation_figure
 from spab_core.shipped.manifest import ARTIFACTS, load_reference_bifurcation
 from spab_core.ui.downloads import downloads
-from spab_core.ui.verdict import grade_box, grade_label
-from spab_core.ui.view import chosen_limits
+from spab_core.ui.verdict import assumed_line, grade_box, grade_label
+from spab_core.ui.view import chosen_design, chosen_limits
 
 _LABELS = {"rotor-mass": "kg", "bearing-number": "Λ"}
 
@@ -117,6 +117,8 @@ def _intervals(line: Bifurcation, sweeps: Sequence[str], name: str, height: int)
     for sweep in shown:
         worst, words = line_verdict(line, sweep)
         grade_box(f"**{sweep}** {words}" if len(shown) > 1 else words, worst)
+    if line.design == chosen_design():
+        assumed_line()
     table = interval_table(line, sweeps)
     failed = {s: int((line.branches[s].status != "ok").sum()) for s in shown}
     unit = _LABELS[line.vary]

@@ -8,10 +8,12 @@ from functools import partial
 
 import streamlit as st
 
+from spab_core.common.words import newtons
 from spab_core.design.model import Design
 from spab_core.maps.solved_margin import SolvedMargin
 from spab_core.plotting.margin import margin_figure
-from spab_core.plotting.point import orbit_figure, section_figure
+from spab_core.plotting.point import orbit_figure, orbit_words, section_figure
+from spab_core.reporting.datasets import bearings_words
 from spab_core.reporting.export import browser_path
 from spab_core.reporting.report import (
     Section,
@@ -126,7 +128,7 @@ def _html(
     ]
     box = summary(point, solved, head.assumed, head.limits)
     lines = {"Project": head.project, "Author": head.author, "Design": head.design}
-    title = "Rotor on spherical porous gas bearings"
+    title = f"Rotor on {bearings_words(point.design)}"
     return report_html(title, sections, commands, box=box, head=lines)
 
 
@@ -164,6 +166,7 @@ def summary(
                 f"{1e6 * allowed.film(design):.1f} µm",
             ),
             ("Contact", f"{100 * point.contact_share:.1f} % of the time"),
+            ("Largest asperity force", f"{newtons(point.peak_contact_force)} N"),
         ]
     rows += [
         (f"Going {limit.towards()}", limit.words())
@@ -197,6 +200,7 @@ def _point_section(point: OperatingPoint, allowed: Limits) -> Section:
         "Orbits at the operating point": orbit_figure(point),
         "Poincaré section": section_figure(point),
     }
+    words += filter(None, [orbit_words(point)])
     return Section(title, words, figures=figures)
 
 

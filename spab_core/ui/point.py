@@ -12,6 +12,7 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from spab_core.common.errors import InputError
+from spab_core.common.files import with_units
 from spab_core.common.npz import npz_bytes
 from spab_core.design.model import Design
 from spab_core.plotting import point as draw
@@ -19,7 +20,7 @@ from spab_core.solver.film import AUTO, MESH_LIMITS, Mesh
 from spab_core.solver.stepping import METHODS
 from spab_core.trajectory.expected_time import expected_seconds
 from spab_core.trajectory.point import OperatingPoint
-from spab_core.trajectory.point_file import load_point, point_arrays
+from spab_core.trajectory.point_file import load_point, path_units, point_arrays
 from spab_core.trajectory.revolution import Revolution, forces, integrate_revolution, run_up
 from spab_core.trajectory.run import path_table
 from spab_core.trajectory.settings import Settings
@@ -175,7 +176,7 @@ def figures_of(point: OperatingPoint) -> dict[str, Callable[[], go.Figure]]:
 
 def orbit_table(point: OperatingPoint) -> pd.DataFrame:
     """The recorded orbit, a row a sample; the columns are those of ``spab simulate --orbit``."""
-    return pd.DataFrame(path_table(point.trajectory))
+    return with_units(pd.DataFrame(path_table(point.trajectory)), path_units(point.design))
 
 
 def point_npz(point: OperatingPoint) -> bytes:

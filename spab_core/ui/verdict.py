@@ -4,13 +4,12 @@ numbers.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
 import streamlit as st
 
-from spab_core.common.words import small
+from spab_core.common.words import newtons, small
 from spab_core.design.form import FIELDS, SUPPLY, grade_of_eccentricity, to_form, unused
 from spab_core.plotting.theme import GRADE_MARKS
 from spab_core.trajectory.assessment import GRADE_WORDS, Assessment
@@ -136,6 +135,11 @@ def point_numbers(point: OperatingPoint) -> list[tuple[str, str, str]]:
             f"{1e6 * point.least_film:.1f}",
             "Clearance less the largest eccentricity",
         ),
+        (
+            "Largest asperity force, N",
+            newtons(point.peak_contact_force),
+            "Largest normal force of the wall's asperities on the journal",
+        ),
         *(
             [
                 (
@@ -156,8 +160,6 @@ def point_rows(point: OperatingPoint) -> dict[str, str]:
     found, rest = point.assessment(chosen_limits()), point.rest
     rows = {"assessment": grade_label(found.grade), "why": "; ".join(found.reasons[:1])}
     rows |= {label: value for label, value, _ in point_numbers(point)}
-    if not math.isnan(point.peak_contact_force):
-        rows["Largest asperity force, N"] = f"{point.peak_contact_force:,.3g}"
     if rest is None or rest.status != "ok" or rest.gas_flow is None:
         return rows
     rows |= {

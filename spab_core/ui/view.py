@@ -193,10 +193,13 @@ VIEW: dict[str, Field] = {
     "mesh": Field(str(AUTO), _mesh),
     "transient": Field(300, _number("transient", 30, 5000, "revolutions", whole=True)),
     "line": Field(LINES[0], _one_of("line", LINES)),
-    "mass_from": Field(0.1, _number("mass_from", *ROTOR_MASS_RANGE, "kg"), "{:.6g}".format),
-    "mass_to": Field(25.0, _number("mass_to", *ROTOR_MASS_RANGE, "kg"), "{:.6g}".format),
-    "number_from": Field(0.05, _number("number_from", *BEARING_NUMBER_RANGE), "{:.6g}".format),
-    "number_to": Field(8.5, _number("number_to", *BEARING_NUMBER_RANGE), "{:.6g}".format),
+    # 0: the usual ones of the point (show_usual)
+    "mass_from": Field(0.0, _number("mass_from", 0.0, ROTOR_MASS_RANGE[1], "kg"), "{:.6g}".format),
+    "mass_to": Field(0.0, _number("mass_to", 0.0, ROTOR_MASS_RANGE[1], "kg"), "{:.6g}".format),
+    "number_from": Field(
+        0.0, _number("number_from", 0.0, BEARING_NUMBER_RANGE[1]), "{:.6g}".format
+    ),
+    "number_to": Field(0.0, _number("number_to", 0.0, BEARING_NUMBER_RANGE[1]), "{:.6g}".format),
     "points": Field(200, _number("points", 2, 2000, whole=True)),
     "sweeps": Field(["cold"], _some_of("sweeps", SWEEPS), ",".join),
     "coordinates": Field(["X2", "Y2"], _some_of("coordinates", COORDINATES), ",".join),
@@ -258,6 +261,8 @@ VIEW: dict[str, Field] = {
 _DESIGN = (
     "_design"  # values of the design that differ from the reference, {"bearing.clearance": 3e-5}
 )
+_SPEED = "rpm"  # in an address that somebody wrote, in place of the bearing number
+_SAME_SPEED = 1e-3  # relative: a speed in whole rpm is still that of its bearing number
 _OF_PAGE = ("rpm", "supply", "my_filled", "my_grade_of", "my_grade_rpm")  # filled anew on each
 _TYPED = "_typed"  # values of the design that the user gave, by their names in the form
 _KEPT = "_view"  # all values as they were when the last run of a page began
@@ -335,7 +340,9 @@ def note_live(keys: Iterable[str]) -> None:
 def _read_address() -> list[str]:
     state, complaints = st.session_state, []
     changes: dict[str, Any] = {}
-    for key, raw in st.query_params.to_dict().items():
+    given = st.query_params.to_dict()
+    speed = given.pop(_SPEED, None)
+    for key, raw in given.items():
         text = raw[: VIEW[key].longest if key in VIEW else _LONGEST]
         try:
             if key in VIEW:
@@ -353,7 +360,30 @@ def _read_address() -> list[str]:
         set_design(_changed(changes))
     except InputError as error:
         complaints.append(f"In the address: {error}. The reference design is taken.")
+    if speed is not None:
+        complaints += _read_speed(speed[:_LONGEST], "bearing_number" in given)
     return complaints
+
+
+def _read_speed(text: str, beside_number: bool) -> list[str]:
+    """Take the speed in an address as that of the point, of the design that stands there too; the
+    bearing number counts where both are given and differ.
+    """
+    state, design = st.session_state, chosen_design()
+    low, high = (design.speed_rpm(limit) for limit in BEARING_NUMBER_RANGE)
+    try:
+        rpm = _number(_SPEED, low, high, "rpm")(text)
+    except InputError as error:
+        return [f"In the address: {error}. The usual value is taken."]
+    number = float(f"{nearest_bearing_number(design, rpm):.6g}")
+    there = state.setdefault("bearing_number", number)
+    if not beside_number or math.isclose(there, number, rel_tol=_SAME_SPEED):
+        return []
+    return [
+        f"In the address: rpm = {rpm:g} and bearing_number = {there:g}, which is "
+        f"{design.speed_rpm(there):,.0f} rpm of this design, are two speeds. The bearing number "
+        "counts."
+    ]
 
 
 def _design_value(name: str, text: str) -> Value:

@@ -13,7 +13,7 @@ from spab_core.plotting.theme import GRADE_MARKS
 from spab_core.trajectory.assessment import GRADES
 from spab_core.ui import lines
 from spab_core.ui.verdict import grade_label
-from tests.app.conftest import complaints, figures, start, until_done, verdicts
+from tests.app.conftest import address, complaints, figures, start, until_done, verdicts
 from tests.conftest import ROOT
 
 PAGE = str(next((ROOT / "pages").glob("*_Bifurcation.py")))
@@ -114,11 +114,26 @@ def test_who_has_a_point_of_their_own_sees_the_line_through_it():
     )
     assert "Λ = 4.5" in words(at) and at.button(key="line_job_cancel")  # it begins by itself
     (job,) = list_jobs()
-    assert job.parameters["range"] == "0.1:25.0:200"
+    assert job.parameters["range"] == "4.5:54.0:200"  # a quarter to three times the point
     at.button_group(key="line").set_value("paper").run()
     assert len(figures(at)) == 2  # and may still look at the paper's
     at.button_group(key="line").set_value("bearing-number").run()
     assert "at 18 kg" in words(at) and len(figures(at)) == 1
+    ends = [at.number_input(key=f"number_{end}_shown").value for end in ("from", "to")]
+    assert ends == [1.125, 13.5]
+    assert not {"mass_from", "number_from"} & set(address(at))
+    at.number_input(key="number_to_shown").set_value(9.0).run()
+    assert address(at)["number_to"] == "9" and ends[0] == 1.125
+
+
+def test_what_was_assumed_stands_under_the_verdict_of_an_own_line():
+    at = opened(**TINY, **{"bearing.clearance": "3e-05"})
+    start(at, "line_job")
+    at = until_done(at)
+    assert not at.exception and verdicts(at)
+    assert sum(c.value.startswith("Assumed, not typed: ") for c in at.caption) == 1
+    at.button_group(key="line").set_value("paper").run()  # which is of no design of theirs
+    assert not at.exception and len(figures(at)) == 2 and "Assumed" not in words(at)
 
 
 @pytest.mark.usefixtures("unasked")
@@ -138,8 +153,8 @@ def test_every_control_at_its_ends(line, along):
     for key in (
         "bearing_number",
         "rotor_mass",
-        f"{along}_from",
-        f"{along}_to",
+        f"{along}_from_shown",
+        f"{along}_to_shown",
         "points",
         "transient",
         "revolutions",
@@ -150,8 +165,8 @@ def test_every_control_at_its_ends(line, along):
             at.number_input(key=key).set_value(end).run()
             assert not at.exception
             upside_down = (
-                at.number_input(key=f"{along}_from").value
-                >= at.number_input(key=f"{along}_to").value
+                at.number_input(key=f"{along}_from_shown").value
+                >= at.number_input(key=f"{along}_to_shown").value
             )
             assert bool(complaints(at)) == upside_down, (key, end)
             assert not complaints(at) or "start before stop" in complaints(at)[0]

@@ -127,6 +127,13 @@ def test_a_preset_shows_the_map_that_comes_with_spab_with_and_without_storage(no
     at = of_preset(MAP, "fed_spindle")
     assert f"**Shipped example: Fed porous spindle**, {cells} cells solved of 5,120" in words(at)
     assert "The cell of this point is " in words(at) and not complaints(at)
+    assert words(at).count("Assumed, not typed: ") == 1
+    # a new map reaches from a quarter of the point to three times it
+    point = {"own_numbers": 20_000.0, "own_masses": 4.0}
+    for key, value in point.items():
+        for end, factor in (("from", 0.25), ("to", 3.0)):
+            shown = at.number_input(key=f"{key}_{end}").value
+            assert shown == pytest.approx(factor * value, rel=1e-4)
     solved = [{t.get("name") for t in figure["data"]} for figure in figures(at)]
     assert len(solved) == 3 and all(f"solved ({cells})" in names for names in solved)
     assert [e.label for e in at.expander if e.proto.expanded] == [
@@ -186,13 +193,15 @@ def test_a_wrong_plane_is_a_sentence(key, value, told):
 @pytest.mark.slow
 @pytest.mark.usefixtures("unasked")
 def test_sensitivity_of_the_margin():
-    at = opened(WHAT_IF, bearing_number=3.0, rotor_mass=8.0)
+    own = {"bearing.wall_thickness": 4.501e-3}
+    at = opened(WHAT_IF, bearing_number=3.0, rotor_mass=8.0, _design=own)
     assert not at.exception and not figures(at) and at.button(key="what_job_cancel")
     at.button(key="what_job_cancel").click().run()  # it has begun by itself
     at.number_input(key="what_scan").set_value(4).run()
     start(at, "what_job")
     at = until_done(at)
     assert not at.exception and not complaints(at)
+    assert words(at).count("Assumed, not typed: ") == 1
     (box,) = at.error  # 8 kg at this speed whirl and rub
     assert "Not recommended at 8,899 rpm (rubbing)" in box.value and "ends at" in box.value
     (figure,) = figures(at)
@@ -201,7 +210,10 @@ def test_sensitivity_of_the_margin():
 
 
 def test_a_run_up_lists_what_it_crosses():
-    at = opened(WHAT_IF, bearing_number=3.0, rotor_mass=8.0, what_tab="Run-up", run_count=10)
+    # all but the reference design, whose values nobody needs to assume
+    own = {"bearing.wall_thickness": 4.501e-3}
+    point = {"bearing_number": 3.0, "rotor_mass": 8.0, "_design": own}
+    at = opened(WHAT_IF, **point, what_tab="Run-up", run_count=10)
     start(at, "run_job")
     at = until_done(at)
     assert not at.exception and not complaints(at)
@@ -212,6 +224,7 @@ def test_a_run_up_lists_what_it_crosses():
     # a band begins where the one before ended, one step on
     steps = table["first_rpm"].to_numpy()[1:] - table["last_rpm"].to_numpy()[:-1]
     assert np.allclose(steps, steps[0])
+    assert words(at).count("Assumed, not typed: ") == 1
     (box,) = at.error  # the worst of the run-up decides the colour
     assert "By the motion alone: not recommended" in box.value
     (figure,) = figures(at)

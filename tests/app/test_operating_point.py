@@ -4,6 +4,7 @@ every tab, failed points.
 
 import json
 import math
+import re
 import shlex
 
 import numpy as np
@@ -46,8 +47,12 @@ def numbers(array):
 def test_every_tab_of_a_chaotic_and_a_periodic_point(mass, number, name):
     at = page(rotor_mass=mass, bearing_number=number, mesh="3x16", transient=200, revolutions=200)
     assert not at.exception and len(verdicts(at)) == 1 and verdicts(at)[0].startswith(name)
-    assert len(at.metric) == 4 and at.number_input(key="rpm").value > 0.0
+    assert len(at.metric) == 5 and at.number_input(key="rpm").value > 0.0
     count = {"Overview": 3, "Orbits": 2}
+    settings = Settings("3x16", transient=200, revolutions=200)
+    where = (reference_design(), mass, number, settings)
+    path = solve_point(*where, path_revolutions=ui.LIVE_PATHS).trajectory.path
+    outside = np.hypot(path[..., 2], path[..., 3]).max() > 1.0
     for tab in POINT_TABS:
         at.session_state["tab"] = tab
         at.run()
@@ -64,6 +69,11 @@ def test_every_tab_of_a_chaotic_and_a_periodic_point(mass, number, name):
                 ]
                 assert titles and all(titles)
         assert any("revolutions from rest" in c.value for c in at.caption)
+        # why the disc is outside the circle, and what the running exponent ends at
+        words = " ".join(c.value for c in at.caption)
+        circle = "the clearance, which holds the journal alone" in words
+        assert circle == (outside and tab in ("Overview", "Orbits"))
+        assert ("(dotted) is its end" in words) == (tab == "Exponent")
         if tab == "Spectrum":
             told = next(c.value for c in at.caption if c.value.startswith("Strongest lines"))
             assert "order 1.00" in told and "µm" in told
@@ -109,8 +119,21 @@ def test_every_design_value_at_its_ends():
             assert at.session_state["_design"] == {}
 
 
+def test_what_a_solve_costs_is_a_sentence():
+    costs = []
+    for revolutions in (20, 5000):
+        at = page(revolutions=revolutions, bearing_number=1.0)
+        costs += [c.value for c in at.caption if " on this mesh: " in c.value]
+    assert costs[0].startswith("Under a second on this mesh: it is solved while you wait.")
+    assert re.match(r"About \d+ s at most on this mesh: it runs in the background", costs[1])
+
+
 def test_a_wrong_design_is_said_and_not_taken():
     at = page(_design={"bearing.radius": 0.01})
+    assert any(  # N and µm beside what the form has over p_a R² and C
+        "In this bearing f₀ = 1,013 N (p_a R² = 10.13 N), s = 0.7 µm (C = 35 µm)." == c.value
+        for c in at.caption
+    )
     at.number_input(key="my_bearing__clearance").set_value(
         600.0
     ).run()  # more than a twentieth of the radius
@@ -142,10 +165,10 @@ def test_comparison_with_the_reference():
     assert (
         not at.exception
         and len(verdicts(at)) == 2
-        and len(at.metric) == 8
+        and len(at.metric) == 10
         and at.metric[0].value == before
     )
-    assert [at.metric[k].value for k in (0, 2)] != [at.metric[k].value for k in (4, 6)]
+    assert [at.metric[k].value for k in (0, 2)] != [at.metric[k].value for k in (5, 7)]
     headings = [m.value for m in at.markdown if m.value.startswith("**") and "rpm" in m.value]
     assert (
         "Λ 6.125" in headings[0] and "Λ 6.125" in headings[1]

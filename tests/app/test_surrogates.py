@@ -386,7 +386,9 @@ def test_own_data_are_ranked_by_a_job(own_jobs, small):
         ("mine.csv", table.to_csv(index=False).encode(), "text/csv")
     ).run()
     assert (
-        not at.exception and not complaints(at) and any("100 points" in c.value for c in at.caption)
+        not at.exception
+        and not complaints(at)
+        and any("100 points. The linear theory" in c.value for c in at.caption)
     )
     at.button(key="own_ranking_start").click().run()
     (job,) = list_jobs()

@@ -1,5 +1,7 @@
 """What follows a user from page to page and stands in the address."""
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as strings
@@ -88,6 +90,33 @@ def test_a_wrong_address_is_told_and_the_page_stands(key, value, words):
     assert at.text[1].value == repr(reference_design().bearing.clearance)
     assert not at.run().error  # said once, and the address is mended
     assert not at.query_params
+
+
+def test_the_address_takes_the_speed_of_the_design_that_stands_there():
+    at = opened(rpm="10200")
+    assert not complaints(at) and not at.exception
+    number = reference_design().bearing_number(10200 * math.pi / 30.0)
+    assert at.session_state["bearing_number"] == pytest.approx(number, rel=1e-5)
+    assert address(at) == {"bearing_number": f"{number:.6g}"}
+    thin = opened(rpm="10200", **{"bearing.clearance": "3e-05"})
+    ratio = thin.session_state["bearing_number"] / number
+    assert ratio == pytest.approx((35.0 / 30.0) ** 2, rel=1e-5) and not complaints(thin)
+
+
+@pytest.mark.parametrize(
+    ("given", "number", "words"),
+    [
+        ({"rpm": "8899", "bearing_number": "3"}, 3.0, ""),  # the same, in whole rpm
+        ({"rpm": "10200", "bearing_number": "3"}, 3.0, "two speeds. The bearing number counts."),
+        ({"rpm": "x"}, 3.45, "rpm = 'x' is not a number"),
+        ({"rpm": "1e9"}, 3.45, "rpm = 1e+09 rpm is out of range: allowed is from 29.6"),
+        ({"rpm": "1e9", "bearing_number": "3"}, 3.0, "is out of range"),
+    ],
+)
+def test_a_speed_beside_a_bearing_number_or_out_of_range(given, number, words):
+    at = opened(**given)
+    assert not at.exception and at.session_state["bearing_number"] == number
+    assert words in " ".join(complaints(at)) and len(complaints(at)) == bool(words)
 
 
 @given(strings.sampled_from(sorted(VIEW)), strings.text(max_size=30))

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 
 from spab_core.cli.main import _GROUPS, main
 from spab_core.cli.options import Parser
+from spab_core.common.words import newtons
 from spab_core.design.model import design_toml, reference_design
 from spab_core.maps import compute as map_engine
 from spab_core.maps.stability_map import load_map
@@ -65,7 +66,10 @@ def test_simulate_keys(capsys, tmp_path):
         "wall_seconds",
     ]
     assert found["status"] == "ok" and found["mesh"] == "3x16" and found["revolutions"] == 60
+    assert b"\r" not in orbit.read_bytes()
     rows = list(csv.DictReader(orbit.read_text().splitlines()))
+    assert rows[0]["units"].startswith("tau: rad; X, Y, Z: over the clearance of 35 µm; ")
+    assert not rows[1]["units"] and list(rows[0])[-1] == "units"
     assert len(rows) == 30 * 96 and set(rows[0]) >= {"tau", "X2", "Y2", "X1", "Y1"}
     assert (
         max(float(r["X2"]) ** 2 + float(r["Y2"]) ** 2 for r in rows)
@@ -75,7 +79,11 @@ def test_simulate_keys(capsys, tmp_path):
 
 def test_simulate_text(capsys):
     assert main(["simulate", "--rotor-mass", "4", "--bearing-number", "3", *SHORT]) == 0
-    assert "MLE" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "MLE" in told
+    found = answer(capsys, "simulate", "--rotor-mass", "4", "--bearing-number", "3", *SHORT)
+    assert f"least film {1e6 * found['least_film_m']:.2f} µm, largest asperity force " in told
+    assert f"{newtons(found['peak_contact_force_n'])} N; " in told
 
 
 def test_stiffness_and_threshold_keys(capsys, tmp_path):

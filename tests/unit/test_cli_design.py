@@ -67,6 +67,32 @@ def test_show_says_that_a_rotor_lies_on_its_wall(capsys):
     assert "Not lifted off: the wall carries 97 % of the weight" in capsys.readouterr().out
 
 
+def test_a_table_over_the_speeds_and_the_frequencies_given(capsys, tmp_path):
+    """Its frequencies are those of --whirl over the highest speed, at each speed."""
+    argv = [*TABLE, "--preset", "fed_spindle_layered", *MESH, "--rpm", "15000:20000:2"]
+    out = tmp_path / "c.json"
+    found = answer(capsys, *argv, "--whirl", "0:2:5", "--out", str(out))
+    assert found["axis"] == "speed and frequency" and len(found["rows"]) == 10
+    fastest = 20000 * np.pi / 30.0
+    for k, speed in enumerate((0.75 * fastest, fastest)):
+        rows = found["rows"][5 * k : 5 * k + 5]
+        assert [row["speed"] for row in rows] == pytest.approx([speed] * 5)
+        frequencies = [row["frequency"] for row in rows]
+        assert frequencies == pytest.approx(list(fastest * np.linspace(0.0, 2.0, 5)))
+    element = json.loads(out.read_text())["BearingElement_spab"]
+    assert np.shape(element["kxx"]) == (2, 5)
+    told = " ".join(found["notes"])
+    assert "Fewer than 5 speeds: " in told and "whirl frequencies: " not in told
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_few_whirl_frequencies_are_told(count, capsys, tmp_path):
+    ends = f"0.5:{0.5 if count == 1 else 1}:{count}"
+    point = [*TABLE, "--bearing-number", "3", "--whirl", ends, *MESH]
+    assert main([*point, "--out", str(tmp_path / "c.csv")]) == 0
+    assert "Fewer than 5 whirl frequencies: programs that interpolate" in capsys.readouterr().out
+
+
 def test_show_judges_by_the_limits_given(capsys):
     argv = ["design", "show", *POINT, "--bearing-number", "3", *MESH]
     assert "limit 9.0 µm" in " ".join(
@@ -82,6 +108,8 @@ def test_show_a_file_and_a_rigid_preset_as_text(capsys, tmp_path):
     assert main(["design", "show", "--design", path, *POINT, "--rpm", "20000", *MESH]) == 0
     text = capsys.readouterr().out
     assert "20,000 rpm" in text and "normal litres" in text and "kxx" in text and "decays" in text
+    (motion,) = re.findall(r"Motion with unbalance: .*least film ([\d.]+) µm, .* N\n", text)
+    assert 1.0 < float(motion) < 25.0
     found = answer(
         capsys, "design", "show", "--preset", "rigid_balanced", *POINT, "--rpm", "15000", *MESH
     )
@@ -94,7 +122,10 @@ def test_coefficients_against_whirl_frequency(capsys, tmp_path):
     point = [*TABLE, "--bearing-number", "3", "--whirl", "0:2:5", *MESH]
     found = answer(capsys, *point, "--out", str(out))
     rows = pd.read_csv(out)
-    assert found["axis"] == "frequency"
+    assert found["axis"] == "frequency" and b"\r" not in out.read_bytes()
+    # its names stay in the first line and its numbers numbers; the units stand in a last column
+    assert list(rows)[-1] == "units" and "k: N/m; c: N s/m" in rows["units"][0]
+    assert rows["units"][1:].isna().all() and all(rows[name].dtype == float for name in NAMES)
     assert list(rows)[:11] == ["speed", "frequency", *NAMES, "whirl_ratio"]
     expected = coefficients(
         impedance(reference_design(), 4.5, 3.0, Mesh(3, 16)), np.linspace(0, 2, 5)
@@ -222,7 +253,9 @@ def test_a_rotor_on_its_wall_gets_no_table_without_that_word(capsys, tmp_path):
         ([*TABLE, "--rpm", "9000", "--out", "c.txt", "--whirl", "0:1:3"], ".xlsx"),
         ([*TABLE, "--rpm", "9000", "--out", "c.csv"], "range"),
         ([*TABLE, "--out", "c.csv"], "either"),
-        ([*TABLE, "--rpm", "9000:9100:3", "--whirl", "0:1:3", "--out", "c.csv"], "alone"),
+        ([*TABLE, "--rpm", "9000:9100:3", "--whirl", "0:1:3", "--out", "c.xlsx"], "frequency"),
+        ([*TABLE, "--rpm", "9000:9100:3", "--whirl=-1:1:3", "--out", "c.csv"], "whirl ratio"),
+        ([*TABLE, "--rpm", "9000:9100:400", "--whirl", "0:1:400", "--out", "c.csv"], "rows"),
         (
             [*TABLE, "--rpm", "9000", "--whirl", "0:1:3", "--out", "c.xlsx"],
             "ROSS reads as one over",

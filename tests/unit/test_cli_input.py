@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from spab_core.active_learning.refine import load_refinement
 from spab_core.cli import design_map as design_map_command
 from spab_core.cli import maps, options, progress, refine
 from spab_core.cli.main import main
@@ -19,6 +20,8 @@ from spab_core.design.model import load_design, reference_design
 from spab_core.design.presets import preset
 from spab_core.maps.bifurcation import load_bifurcation
 from spab_core.maps.stability_map import axis, load_map, save_map, steps_as_count
+from spab_core.shipped.manifest import ARTIFACTS
+from spab_core.shipped.preset_maps import MAPS
 from tests.commands import answer, refused
 from tests.maps import map_of
 
@@ -290,6 +293,21 @@ def test_a_bar_has_an_end_even_where_the_work_takes_longer(capsys, tmp_path, mon
     assert "of None" not in capsys.readouterr().err
 
 
+def test_a_map_that_takes_longer_than_asked_says_so(capsys, tmp_path, monkeypatch):
+    """By the clock that the command reads, which is made up here; nothing is solved."""
+    result = load_refinement(ARTIFACTS / MAPS[0].file)
+    clock = iter((0.0, 39.0, 0.0, 12.0))
+    monkeypatch.setattr(design_map_command, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    monkeypatch.setattr(design_map_command, "quick_map", lambda *a, **k: [result])
+    argv = ["design", "map", "--minutes", "0.1", "--out", str(tmp_path / "q.npz")]
+    assert main(argv) == 0
+    told = capsys.readouterr()
+    assert "spab: the map took 39 s instead of 6 s: linear theory, a coarse plane" in told.err
+    assert "of 5,120 cells solved" in told.out
+    assert main(argv) == 0  # what a machine needs to start and to write is no overrun
+    assert "instead of" not in capsys.readouterr().err
+
+
 def test_outside_the_map_no_interval_is_given(capsys, tmp_path):
     path = tmp_path / "m.npz"
     save_map(map_of(lambda number, mass: 0.2 * number - 0.05 * mass), path)
@@ -298,6 +316,11 @@ def test_outside_the_map_no_interval_is_given(capsys, tmp_path):
     found = answer(capsys, *argv, "--bearing-number", str(number))
     assert found["interval_90"] is found["probability_unstable"] is None and found["regime"]
     assert not found["inside_map"]
+    argv[-1] = "60"
+    assert main([*argv, "--bearing-number", "3"]) == 0
+    told = capsys.readouterr()
+    assert "outside the map (bearing number 0.5 to 8.5, rotor mass 1 to 25 kg)" in told.err
+    assert "interval" not in told.out and "probability" not in told.out
     by_speed = answer(capsys, *argv, "--rpm", rpm_of(number, load_map(path).design))
     assert by_speed["mle_per_revolution"] == pytest.approx(found["mle_per_revolution"])
 

@@ -14,7 +14,9 @@ from scipy.io import loadmat, netcdf_file
 
 from spab_core.common.errors import InputError
 from spab_core.common.files import csv_bytes
+from spab_core.common.words import newtons
 from spab_core.design.model import reference_design
+from spab_core.design.presets import preset
 from spab_core.maps.bifurcation import line_of_map, load_bifurcation, save_bifurcation
 from spab_core.maps.stability_map import FIELDS, load_map
 from spab_core.reporting.datasets import (
@@ -38,6 +40,7 @@ from spab_core.solver.film import Mesh
 from spab_core.trajectory.point import solve_point
 from spab_core.trajectory.point_file import save_point
 from spab_core.trajectory.settings import Settings
+from spab_core.ui.own_report import Head, _html, summary
 from tests.maps import map_of
 
 
@@ -69,6 +72,8 @@ def test_csv_has_one_row_a_cell(m):
     assert row["bearing_number"] == pytest.approx(m.bearing_number[3])
     assert row["rotor_mass_kg"] == pytest.approx(m.rotor_mass[7])
     assert row["mle"] == pytest.approx(m.mle[3, 7]) and row["regime"] == m.regime[3, 7]
+    film = m.design.bearing.clearance * (1.0 - m.max_eccentricity[3, 7])
+    assert row["least_film_m"] == pytest.approx(film) and 0.0 < film < 35e-6
 
 
 def test_figures_need_no_network(chromium):
@@ -129,6 +134,39 @@ def small_netcdf():
     return map_netcdf(map_of(lambda number, mass: 0.2 * number - 0.05 * mass, 3, 4))
 
 
+def test_each_title_names_the_shape_of_the_bearings(m, line, point):
+    cylinder = preset("carbon_bushing").design
+    about = {"metadata": m.metadata | {"design": cylinder.to_dict()}}
+    for found, dataset in ((m, map_dataset), (line, line_dataset)):
+        assert "on spherical porous" in dataset(found).title
+        assert "on cylindrical porous" in dataset(dataclasses.replace(found, **about)).title
+    assert "on spherical porous" in point_dataset(point).title
+    other = dataclasses.replace(point, design=cylinder)
+    assert "on cylindrical porous" in point_dataset(other).title
+    html = _html(Head("", "", "", []), None, other, [])
+    assert "<h1>Rotor on cylindrical porous gas bearings</h1>" in html
+
+
+def test_the_box_of_a_report_has_film_and_force(point):
+    rows = dict(summary(point, None, []).rows)
+    assert rows["Least film"].startswith(f"{1e6 * point.least_film:.1f} µm of 35 µm")
+    assert rows["Largest asperity force"] == f"{newtons(point.peak_contact_force)} N"
+
+
+@pytest.mark.parametrize(
+    ("force", "words"),
+    [
+        (0.0, "0"),
+        (1e-9, "under 0.01"),
+        (12.345, "12.3"),
+        (3456.7, "3,457"),
+        (np.nan, "not measured"),
+    ],
+)
+def test_a_force_as_it_is_told(force, words):
+    assert newtons(force) == words
+
+
 def test_a_line_holds_its_sweeps_with_units(line):
     data = line_dataset(line)
     branch = line.branches["cold"]
@@ -145,6 +183,10 @@ def test_a_line_holds_its_sweeps_with_units(line):
     assert list(found["cold_regime"]) == list(branch.regime)
     assert found["units"]["cold_mle"] == "per revolution"
     assert len(data.table) == len(line.values)
+    film = line.design.bearing.clearance * (1.0 - branch.max_eccentricity)
+    assert np.allclose(data.table["least_film_m"], film, equal_nan=True)
+    assert np.allclose(found["cold_least_film"], film, equal_nan=True)
+    assert found["units"]["cold_least_film"] == "m" and np.isfinite(film).all()
 
 
 def test_a_point_holds_its_motion(point):

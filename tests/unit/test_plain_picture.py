@@ -80,6 +80,22 @@ def test_every_layer_has_a_picture_with_axes_in_units(layer):
     assert ("not recommended</i>" in html) == (layer == "Assessment")
 
 
+def test_the_legend_names_no_border_where_there_is_none():
+    calm = map_figure(map_of(lambda number, mass: plane(number, mass) - 10.0))
+    assert "border of chaos" not in {t.name for t in calm.data}
+    assert "border of chaos" in {t.name for t in map_figure(map_of(plane)).data}
+
+
+@pytest.mark.parametrize(
+    ("layer", "ends"), [("Contact share", (0.0, 100.0)), ("Largest eccentricity", (0.5, 1.0))]
+)
+def test_what_is_worse_is_darker(layer, ends):
+    heat = next(t for t in map_figure(map_of(plane), layer).data if t.type == "heatmap")
+    assert (heat.zmin, heat.zmax) == ends
+    shades = [sum(unlabel_rgb(c)) for c in (c for _, c in heat.colorscale)]
+    assert shades == sorted(shades, reverse=True)
+
+
 def test_orbits_are_drawn_to_scale():
     """A circle of half the clearance, of known points: where each stands in thousandths of the
     axes.

@@ -27,7 +27,7 @@ from spab_core.design.tolerances import (
 )
 from spab_core.drawings import tolerance as within
 from spab_core.drawings.drivers import drivers, narrowings, wilson
-from spab_core.drawings.look import Look, look_at
+from spab_core.drawings.look import Look, empty_rows, look_at, read_row, read_rows
 from spab_core.drawings.tolerance import (
     draw,
     load_study,
@@ -293,6 +293,18 @@ def test_it_stops_by_itself_and_goes_on_on_a_cluster(known, few, tmp_path, monke
         load_study(tmp_path / "study.json")
 
 
+def test_rows_of_an_earlier_version_are_read_without_what_they_lack():
+    told = {name: values.tolist() for name, values in empty_rows(2).items()}
+    force = told.pop("peak_contact_force")
+    old = read_rows(told)["peak_contact_force"]
+    assert np.isnan(old).all() and len(old) == 2
+    assert read_rows(told | {"peak_contact_force": force})["peak_contact_force"].tolist() == force
+    assert np.isnan(read_row({k: v[0] for k, v in told.items()})["peak_contact_force"])
+    del told["orbit"]
+    with pytest.raises(KeyError):
+        read_rows(told)
+
+
 @pytest.mark.slow
 def test_the_short_line_ends_where_the_margin_does():
     """At its end the eccentricity is the limit, between the two solved ends."""
@@ -337,5 +349,7 @@ def test_the_command_reads_the_file(capsys, tmp_path):
     assert main([*command, *more, "--json", "--out", str(out)]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["tolerances"] == {"speed": "± 1 %", "rotor_mass": "± 1 %"}
+    assert set(answer["peak_contact_force_n"]) == set(answer["least_film_m"])
+    assert any(text.startswith("Largest asperity force: ") for text in answer["sentences"])
     assert answer["machines"] == 64 and answer["shares"]["good"]["share"] in (0.0, 1.0)
     assert load_study(out).count == 64 and not (tmp_path / "out.json.parts").exists()
