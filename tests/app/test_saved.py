@@ -2,13 +2,16 @@
 named and deleted; the bar of inputs with gauge and absolute supply; what was assumed.
 """
 
+import dataclasses
+
 import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
 from spab_core.design.model import reference_design
-from spab_core.jobs.store import list_jobs, submit
-from spab_core.ui import saved, shared
+from spab_core.jobs.store import cancel, list_jobs, submit
+from spab_core.maps.bifurcation import load_bifurcation
+from spab_core.ui import running, saved, shared
 from tests.app.conftest import address, complaints, until_done
 from tests.conftest import ROOT
 
@@ -37,11 +40,47 @@ def words(at):
     return " ".join(x.value for kind in ("markdown", "caption", "info") for x in at.get(kind))
 
 
-def test_results_are_listed_opened_named_and_deleted():
+@pytest.fixture
+def made(monkeypatch):
+    """What the page's download buttons offer, by the files' names."""
+    found, real = {}, st.download_button
+    monkeypatch.setattr(
+        st,
+        "download_button",
+        lambda label, data, name, *a, **k: (
+            found.update({name: data}) or real(label, data, name, *a, **k)
+        ),
+    )
+    return found
+
+
+def test_a_job_at_work_is_seen_on_another_page(monkeypatch):
+    """With its name, how far it is and how long it takes; nothing of it is computed here."""
+    line = dataclasses.replace(submit("bifurcation", LINE), state="running", done=1, total=3)
+    cancel(line.id)
+    monkeypatch.setattr(running, "active_jobs", lambda: [line])
+    other = str(next((ROOT / "pages").glob("*_About_the_model.py")))
+    at = AppTest.from_file(other, default_timeout=120).run()
+    (bar,) = at.sidebar.get("progress")
+    assert not at.exception and bar.proto.text.startswith(f"{running.label(line)}, 1 of 3")
+    assert bar.proto.value == 33 and "## Running" in [x.value for x in at.sidebar.markdown]
+    monkeypatch.setattr(running, "active_jobs", lambda: [])
+    assert not AppTest.from_file(other, default_timeout=120).run().sidebar.get("progress")
+
+
+def test_results_are_listed_opened_named_and_deleted(made, tmp_path):
     at = opened()
     assert not at.exception and "Nothing is saved yet" in words(at)
     point, line = submit("point", POINT), submit("bifurcation", LINE)
+    cancel(line.id)
+    at.run()
+    more = at.button(key=f"more_{line.id}")
+    assert more.label == "Continue" and f"{line.id}.npz" not in made
+    more.click().run()
     at = until_done(at)
+    assert f"more_{line.id}" not in {button.key for button in at.button}
+    (tmp_path / "line.npz").write_bytes(made[f"{line.id}.npz"]())
+    assert load_bifurcation(tmp_path / "line.npz").values.tolist() == [4.0, 5.0, 6.0]
     assert not at.exception and not complaints(at)
     told = words(at)
     speed = f"{OWN.speed_rpm(3.0):,.0f} rpm"
@@ -106,16 +145,7 @@ def test_what_was_not_typed_is_said_to_be_assumed():
     assert not any(c.value.startswith("Assumed") for c in opened().caption)  # the example's own
 
 
-def test_the_report_names_project_and_author(monkeypatch):
-    made = {}
-    real = st.download_button
-    monkeypatch.setattr(
-        st,
-        "download_button",
-        lambda label, data, name, *a, **k: (
-            made.update({name: data}) or real(label, data, name, *a, **k)
-        ),
-    )
+def test_the_report_names_project_and_author(made):
     at = opened(project="Mill 3", author="A. Designer", **{"bearing.clearance": "3e-05"})
     assert not at.exception and not complaints(at)
     report = made["report.html"]().decode()
