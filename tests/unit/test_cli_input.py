@@ -316,8 +316,7 @@ def test_outside_the_map_no_interval_is_given(capsys, tmp_path):
     found = answer(capsys, *argv, "--bearing-number", str(number))
     assert found["interval_90"] is found["probability_unstable"] is None and found["regime"]
     assert not found["inside_map"]
-    argv[-1] = "60"
-    assert main([*argv, "--bearing-number", "3"]) == 0
+    assert main([*argv[:-1], "60", "--bearing-number", "3"]) == 0
     told = capsys.readouterr()
     assert "outside the map (bearing number 0.5 to 8.5, rotor mass 1 to 25 kg)" in told.err
     assert "interval" not in told.out and "probability" not in told.out
