@@ -524,7 +524,7 @@ def test_the_weight_on_the_wall_is_told(design):
     assert (found.contact_load_share == z.contact_load_share).all()
     (warning,) = [w for w in coefficient_warnings(found) if "Not lifted off" in w]
     assert f"{z.contact_load_share:.0%} of the weight" in warning
-    lifted = coefficients(impedance(design, 4.5, 3.0, MESH), [0.0, 1.0])
+    lifted = coefficients(impedance(design, 4.5, 3.0, MESH), np.linspace(0.0, 1.0, 5))
     assert lifted.contact_load_share.max() < 1e-6 and coefficient_warnings(lifted) == []
     weightless = design.replace(rotor__gravity=0.0)
     assert impedance(weightless, 25.0, number, MESH).contact_load_share == 0.0
@@ -540,7 +540,8 @@ def test_one_sign_of_the_cross_stiffness(design, capsys):
 
 def test_a_table_says_that_it_holds_the_journal_along_the_axis(design):
     moving = design.replace(rotor__axial_motion=True)
-    held, free = (coefficients_over_whirl(d, 4.5, 3.0, [0.5, 1.0], MESH) for d in (moving, design))
+    ratios = np.linspace(0.5, 1.0, 5)
+    held, free = (coefficients_over_whirl(d, 4.5, 3.0, ratios, MESH) for d in (moving, design))
     np.testing.assert_array_equal(held.stiffness, free.stiffness)
     (warning,) = coefficient_warnings(held)
     assert "held along the axis" in warning and coefficient_warnings(free) == []
