@@ -70,12 +70,12 @@ compiled: $(VENV)/.ready
 # a few seconds and the models kept for the newest ones
 OLD := VENV=.venv-oldest LOCK=requirements-oldest.lock CPU=native
 
-test-oldest:
-	$(MAKE) $(OLD) .venv-oldest/.ready
+test-oldest: oldest
 	NUMBA_CACHE_DIR=$(abspath .venv-oldest)/kernels-native .venv-oldest/bin/python -m pytest -q -m "not slow" $(OLDEST)
 
 oldest:
 	$(MAKE) $(OLD) compiled
+	NUMBA_CACHE_DIR=$(abspath .venv-oldest)/kernels-native .venv-oldest/bin/python -m tests.kernels --oldest
 
 lint: $(VENV)/.ready
 	$(BIN)/ruff check .

@@ -45,9 +45,11 @@ from spab_core.ui.view import (
     OWN_LAYERS,
     choice,
     chosen_design,
+    chosen_limits,
     chosen_point,
     design_option,
     is_reference,
+    limits_option,
     point_options,
     set_example,
     set_point,
@@ -166,7 +168,7 @@ def _command() -> str:
     """The commands that give the same as this page."""
     solved = (
         f"{point_options()}{design_option()} --transient {LIVE.transient} "
-        f"--revolutions {LIVE.revolutions}\n"
+        f"--revolutions {LIVE.revolutions}{limits_option(chosen_limits())}\n"
     )
     command = f"spab margin {solved}spab simulate {solved}"
     if not is_reference():

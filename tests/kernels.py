@@ -1,12 +1,14 @@
-"""Compile the kernels that many tests need, on two cores, each once: ``python -m tests.kernels``.
+"""Compile the kernels that many tests need, on two cores, each once:
+``python -m tests.kernels [--oldest]``.
 
 Kernels differ by the mesh's width, the method, whether the wall stores gas and whether the journal
-moves along the axis. Two workers of
-pytest that come upon the same ones would both compile them."""
+moves along the axis. Two workers of pytest that come upon the same ones would both compile them.
+``--oldest``: those of the tests on the oldest versions (``make test-oldest``)."""
 
 from __future__ import annotations
 
 import multiprocessing
+import sys
 from concurrent.futures import ProcessPoolExecutor
 
 from spab_core.design.model import reference_design
@@ -28,6 +30,9 @@ NEEDED = (
 )
 
 
+OLDEST = (("3x16", "dtm", 0.0, False), ("4x32", "rodas", 0.0, False))
+
+
 def _compile(mesh: str, method: str, porosity: float, moving: bool) -> None:
     design = reference_design().replace(bearing__porosity=porosity, rotor__axial_motion=moving)
     if method == "rodas":
@@ -37,9 +42,10 @@ def _compile(mesh: str, method: str, porosity: float, moving: bool) -> None:
 
 def main() -> None:
     compile_once()
+    needed = OLDEST if sys.argv[1:] == ["--oldest"] else NEEDED
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(2, context) as pool:
-        for work in [pool.submit(_compile, *kernels) for kernels in NEEDED]:
+        for work in [pool.submit(_compile, *kernels) for kernels in needed]:
             work.result()
 
 

@@ -29,7 +29,7 @@ def _square(figure: go.Figure, title: str, reach: float = 1.08) -> go.Figure:
         x=np.cos(circle),
         y=np.sin(circle),
         mode="lines",
-        name="journal's clearance",
+        name="clearance",
         hoverinfo="skip",
         line={"color": NEUTRAL, "width": 1.5, "dash": "dash"},
     )

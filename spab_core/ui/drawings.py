@@ -50,7 +50,7 @@ from spab_core.plotting.drawings import (
 )
 from spab_core.reporting.drawings import NOT_MORE, improvement_section, tolerance_section
 from spab_core.reporting.report import Section
-from spab_core.trajectory.assessment import GRADES
+from spab_core.trajectory.assessment import GRADES, Limits
 from spab_core.ui.design_form import take_design
 from spab_core.ui.downloads import downloads
 from spab_core.ui.solving import live_point
@@ -62,6 +62,8 @@ from spab_core.ui.view import (
     chosen_design,
     chosen_point,
     design_option,
+    limits_option,
+    set_limits,
     show_tolerances,
 )
 
@@ -187,6 +189,7 @@ def show_request(kind: str, parameters: dict[str, Any]) -> None:
     state["draw_tab"] = DRAW_TABS[kind == "improve"]
     tolerances = parse_tolerances(p["tolerances"])
     show_tolerances(tolerances)
+    set_limits(Limits(**p.get("limits", {})))
     state["draw_axis"] = p["axis"] if p["axis"] in AXES else AXES[0]
     if kind == "tolerance":
         state["machines"] = p["machines"] if p["machines"] in DRAWN else MACHINES
@@ -311,7 +314,8 @@ def show_study(study: ToleranceStudy) -> None:
         {"Machines": study.table, "Narrowings": lambda: narrow, "Drivers": lambda: table},
         command=f"spab design tolerance {_machine_options(study.machine)}{design_option()}"
         f"{_within_options(study.tolerances)} --axis {study.look.axis or 'none'} --machines "
-        f"{study.count} --half-width 0 --wanted {study.wanted:g} --seed {study.seed}",
+        f"{study.count} --half-width 0 --wanted {study.wanted:g}"
+        f"{limits_option(study.look.limits)} --seed {study.seed}",
     )
 
 
@@ -445,5 +449,6 @@ def _improve_command(found: Improvement) -> str:
     return (
         f"spab design improve {_machine_options(found.machine)}{design_option()}{vary}{wishes}"
         f" --axis {found.look.axis} --grade {holds.grade}{flow}{stiff}{film}"
-        f" --load {found.look.load:g}{_within_options(found.tolerances)} --seed {found.seed}"
+        f" --load {found.look.load:g}{_within_options(found.tolerances)}"
+        f"{limits_option(found.look.limits)} --seed {found.seed}"
     )

@@ -72,7 +72,7 @@ def report_buttons(
             design_words(),
             assumed_words(),
             chosen_limits(),
-            limits_option(),
+            limits_option(chosen_limits()),
         )
         more = sections_of(design, rotor_mass, design.speed_rpm(bearing_number))
         html = partial(_html, head, shown, point, more)

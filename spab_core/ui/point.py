@@ -28,6 +28,7 @@ from spab_core.trajectory.spectrum import Spectrum, spectrum
 from spab_core.ui.jobs import job_panel
 from spab_core.ui.solving import LIVE_PATHS, live_point
 from spab_core.ui.verdict import point_numbers, point_verdict
+from spab_core.ui.view import chosen_limits, limits_option
 
 LIVE_SECONDS = 2.0  # what is expected to take longer runs as a job
 MESHES = (str(AUTO), "2x16", "3x16", "3x24", "4x24", "4x32", "4x48", "6x64")
@@ -200,7 +201,7 @@ def simulate_command(design_option: str, point_options: str, settings: Settings)
     return (
         f"spab simulate {point_options}{design_option} --mesh {settings.mesh} --method "
         f"{settings.method} --transient {settings.transient} "
-        f"--revolutions {settings.revolutions} --orbit orbit.csv"
+        f"--revolutions {settings.revolutions}{limits_option(chosen_limits())} --orbit orbit.csv"
     )
 
 

@@ -46,6 +46,7 @@ from spab_core.ui.view import (
     chosen_limits,
     note_typed,
     set_design,
+    set_limits,
     set_point,
     with_unit,
 )
@@ -174,6 +175,7 @@ def open_job(job: Job) -> None:
         set_point(p["rotor_mass"], p["speed_rpm"] / design.speed_rpm(1.0))
         state.update(what_tab="Change the drawing", what_axis=p["axis"])
         state.update(what_step=100.0 * p["step"], what_scan=p["scan"])
+        set_limits(Limits(**p.get("limits", {})))
     elif job.kind in ("tolerance", "improve"):
         set_point(p["rotor_mass"], p["speed_rpm"] / design.speed_rpm(1.0))
         show_request(job.kind, p)

@@ -507,20 +507,29 @@ def chosen_point() -> tuple[float, float]:
 
 def chosen_limits() -> Limits:
     """What the user calls good; a calm eccentricity over the largest one is taken as that."""
-    state = st.session_state
-    largest = float(state["max_eccentricity"])
-    return Limits(
-        1e-6 * state["least_film"] if state["least_film"] else None,
-        largest,
-        min(float(state["calm_eccentricity"]), largest),
-        float(state["max_orbit"]),
-        float(state["separation"]),
+    names = ("least_film", "max_eccentricity", "calm_eccentricity", "max_orbit", "separation")
+    film, largest, calm, orbit, separation = (
+        float(st.session_state.get(name, VIEW[name].default)) for name in names
     )
+    return Limits(1e-6 * film or None, largest, min(calm, largest), orbit, separation)
 
 
-def limits_option() -> str:
-    """The options of a command that judges by the chosen limits; "" for the usual ones."""
-    limits, told = chosen_limits(), ""
+def set_limits(limits: Limits) -> None:
+    """Make this what the user calls good; call it in a widget's callback."""
+    shown = {
+        "least_film": 1e6 * (limits.least_film or 0.0),
+        "max_eccentricity": limits.eccentricity,
+        "calm_eccentricity": limits.calm_eccentricity,
+        "max_orbit": limits.orbit,
+        "separation": limits.separation,
+    }
+    for key, value in shown.items():
+        show_value(key, float(f"{value:.6g}"))
+
+
+def limits_option(limits: Limits) -> str:
+    """The options of a command that judges by some limits; "" for the usual ones."""
+    told = ""
     for option, attribute, unit, _ in LIMITS:
         value = getattr(limits, attribute)
         if value != getattr(DEFAULT_LIMITS, attribute):
@@ -566,7 +575,8 @@ def show_usual(key: str, usual: Any, limits: tuple[float, float] | None = None) 
         state[shown] = min(max(state[shown], limits[0]), limits[1])
 
     def changed() -> None:
-        state[key] = type(usual)() if state[shown] in (None, usual) else state[shown]
+        if state[shown] is not None:  # an emptied field keeps its value
+            state[key] = type(usual)() if state[shown] == usual else state[shown]
 
     return {"key": shown, "on_change": changed}
 

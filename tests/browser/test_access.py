@@ -35,6 +35,15 @@ INPUTS = """() => {
     return [inputs.map(e => e.getAttribute("aria-label")),
         above.map(e => e.outerHTML.slice(0, 300))];
 }"""
+# share of the width beside the sidebar that inputs, verdict and map take, and whether verdict and
+# the map's whole plane are on the first screen
+FIRST_SCREEN = """() => {
+    const [verdict, map, plane, main] = [".st-key-verdict", ".st-key-map_box",
+        ".st-key-map_box :is(.spab-plot, .nsewdrag)", "[data-testid='stMain']"]
+        .map(name => document.querySelector(name).getBoundingClientRect());
+    return [(map.right - verdict.left) / main.width,
+        verdict.bottom < innerHeight && plane.bottom < innerHeight];
+}"""
 BAR = ["Rotor mass, kg", "Shaft speed, rpm", "Bearing number Λ", "Supply, bar gauge"]
 # what is white and large enough to be a box, legends of figures among them
 WHITE = """() => {
@@ -76,6 +85,12 @@ def test_no_page_has_a_serious_finding(theme, width, height, address, tools):
                 assert inputs[0] == (BAR[:3] if len(inputs[0]) == 3 else BAR), name
                 assert not inputs[1], f"{name}: above the inputs"
                 passed.append(name)
+            for size in ((width, height), (1920, 1080)) if name == "start" and width > 640 else ():
+                page.set_viewport_size({"width": size[0], "height": size[1]})
+                tools.settled(page)
+                used, seen = page.evaluate(FIRST_SCREEN)
+                assert used > 0.9 and seen, (size, used, seen)
+                page.set_viewport_size({"width": width, "height": height})
             if theme == "dark" and (boxes := page.evaluate(WHITE)):
                 found[f"{name}: white boxes"] = boxes[:4]
             if max(over := page.evaluate(OVER)) > 0:
@@ -119,3 +134,18 @@ def test_a_machine_is_entered_by_the_keyboard_alone(address, tools):
         )
         assert ring != "nonenone"
         page.screenshot(path=OUTPUT / "keyboard.png")
+        go_by_keyboard(page, "Report and saved results", "Shift+Tab")
+        page.wait_for_url("**/Report?**")
+        tools.settled(page)
+        with page.expect_download(timeout=120_000) as report:
+            go_by_keyboard(page, "Report, HTML")
+        assert report.value.suggested_filename == "report.html"
+
+
+def go_by_keyboard(page, name, key="Tab"):
+    """Reach the link or button of this name and press it."""
+    for _ in range(150):
+        page.keyboard.press(key)
+        if page.evaluate("document.activeElement.innerText").strip().endswith(name):
+            return page.keyboard.press("Enter")
+    raise AssertionError(f"{name} is not reached by {key}")

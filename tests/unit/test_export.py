@@ -37,6 +37,7 @@ from spab_core.reporting.export import (
 )
 from spab_core.shipped.manifest import ARTIFACTS, REFINED, load_reference_map
 from spab_core.solver.film import Mesh
+from spab_core.trajectory.assessment import DEFAULT_LIMITS
 from spab_core.trajectory.point import solve_point
 from spab_core.trajectory.point_file import save_point
 from spab_core.trajectory.settings import Settings
@@ -143,7 +144,7 @@ def test_each_title_names_the_shape_of_the_bearings(m, line, point):
     assert "on spherical porous" in point_dataset(point).title
     other = dataclasses.replace(point, design=cylinder)
     assert "on cylindrical porous" in point_dataset(other).title
-    html = _html(Head("", "", "", []), None, other, [])
+    html = _html(Head("", "", "", [], DEFAULT_LIMITS, ""), None, other, [])
     assert "<h1>Rotor on cylindrical porous gas bearings</h1>" in html
 
 

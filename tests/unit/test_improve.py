@@ -6,10 +6,14 @@ import json
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
+import streamlit as st
+from streamlit.testing.v1 import AppTest
 
 from spab_core.cli.main import main
 from spab_core.common.errors import InputError
+from spab_core.design.model import load_design, save_design
 from spab_core.design.presets import PRESETS
 from spab_core.design.tolerances import Machine, parse_ranges, parse_tolerances, ranges_text
 from spab_core.drawings import improve as better
@@ -24,7 +28,9 @@ from spab_core.drawings.improve import (
 from spab_core.drawings.look import OVERLOADED, Look, look_at
 from spab_core.drawings.screening import screen
 from spab_core.linear_theory.equilibrium import static_equilibrium
+from spab_core.reporting.drawings import improvement_section
 from spab_core.trajectory.assessment import AVOID, GOOD
+from spab_core.ui.drawings import _clicked
 
 SPINDLE = Machine(PRESETS["fed_spindle_layered"].design, 4.0, 30000.0)
 RANGES = {"bearing__clearance": (20.0, 32.0), "bearing__layer_permeability": (0.01, 0.1)}
@@ -170,6 +176,55 @@ def test_where_nothing_is_good_that_is_said(small):
     assert found.count == 0 and found.best is None
     assert "No drawing" in found.sentences()[-1]
     assert json.dumps(found.record(), allow_nan=False)
+
+
+def front_page(path):
+    from pathlib import Path
+
+    import streamlit as st
+
+    from spab_core.drawings.improve import load_improvement
+    from spab_core.ui.drawings import show_front
+    from spab_core.ui.shared import page_head
+    from spab_core.ui.view import chosen_design, chosen_point
+
+    page_head("test")
+    show_front(load_improvement(Path(path)))
+    st.text((chosen_design(), *chosen_point()))
+
+
+@pytest.mark.slow
+def test_the_front_of_the_command_is_that_of_page_and_report(small, tmp_path, capsys):
+    """Every drawing of the front is chosen by a click or in the field, and used everywhere."""
+    out, best, given = (tmp_path / name for name in ("front.json", "best.toml", "own.toml"))
+    save_design(SPINDLE.design, given)
+    asked = f"--design {given} --rotor-mass 4 --rpm 30000 --wish film --wish flow --reach 1.05"
+    some = f"--screened 18 --solved 16 --seed 1 --out {out} --best-out {best} --json"
+    clearance = ["--vary", "bearing.clearance", "20:32 µm"]
+    layer = ["--vary", "bearing.layer_permeability", "0.01:0.1 10⁻¹⁵ m²"]
+    assert main(["design", "improve", *asked.split(), *clearance, *layer, *some.split()]) == 0
+    answer, found = json.loads(capsys.readouterr().out), load_improvement(out)
+    assert len(answer["front"]) == found.count >= 1
+    assert load_design(best) == found.machine_at(found.best).design
+    section = improvement_section(found)
+    assert section.figures
+    bought = pd.DataFrame(section.tables["What was bought with it"])
+    pd.testing.assert_frame_equal(bought, pd.DataFrame(found.bought(found.best)))
+
+    at = AppTest.from_function(front_page, args=(str(out),), default_timeout=120).run()
+    assert not at.exception and at.selectbox(key="drawing").value == found.best + 1
+    for k in range(found.count):
+        clicked = {"selection": {"points": [{"customdata": [k]}]}}
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(st, "session_state", {"front": clicked})
+            _clicked(found)
+            assert st.session_state["drawing"] == k + 1
+        at.selectbox(key="drawing").set_value(k + 1).run()
+        assert not at.exception
+        at.button(key="use_drawing").click().run()
+        machine = found.machine_at(k)
+        number = float(f"{machine.bearing_number:.6g}")
+        assert at.text[-1].value == str((machine.design, 4.0, number))
 
 
 def test_the_command_refuses_in_a_sentence(capsys):
