@@ -35,7 +35,7 @@ from spab_core.ui.view import (
 )
 
 _WIDTH = 150  # of a field, pixels
-_LIMITS = {  # label, ends, step and help by the key in the view
+LIMIT_FIELDS = {  # label, ends, step and help by the key in the view
     "least_film": (
         "Least film, µm",
         LEAST_FILMS,
@@ -193,15 +193,16 @@ def point_bar(*, of_example: bool = False) -> DeltaGenerator:
         placeholder=EXAMPLE if is_reference() else "own design",
     )
     with row.popover(
-        "Limits" if chosen_limits() == DEFAULT_LIMITS else "Limits, changed", icon=":material/rule:"
+        "Limits" if chosen_limits() == DEFAULT_LIMITS else "Limits, changed",
+        icon=":material/rule:",
     ):
         _limit_fields()
-    note_live(("rotor_mass", "bearing_number", "supply_as", "name", *_LIMITS))
+    note_live(("rotor_mass", "bearing_number", "supply_as", "name", *LIMIT_FIELDS))
     return row
 
 
 def _limit_fields() -> None:
     """What the designer calls good."""
     st.caption("By which every motion on these pages is judged.")
-    for key, (label, ends, step, text) in _LIMITS.items():
+    for key, (label, ends, step, text) in LIMIT_FIELDS.items():
         st.number_input(label, *ends, None, key=key, step=step, format="%.6g", help=text)

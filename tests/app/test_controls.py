@@ -11,6 +11,7 @@ from spab_core.plotting.map import LAYERS
 from spab_core.shipped.predicted_maps import FIGURE_DIVISORS
 from spab_core.surrogates.models import DIVISORS
 from spab_core.trajectory.assessment import GRADES
+from spab_core.ui.point_bar import LIMIT_FIELDS
 from spab_core.ui.view import (
     CELLS,
     JUDGED,
@@ -61,7 +62,8 @@ RAW = {
     "paper_divisor": FIGURE_DIVISORS,
     "worst_grade": GRADES[:2],
 }  # shown otherwise
-BAR = ("rotor_mass", "rpm", "bearing_number", "supply", "name")  # one bar, the same on all pages
+# one bar, the same on all pages
+BAR = ("rotor_mass", "rpm", "bearing_number", "supply", "name", *LIMIT_FIELDS)
 BARS = (
     "Stability_map",
     "Operating_point",
