@@ -25,6 +25,7 @@ from spab_core.maps.solved_margin import SolvedMargin, solve_margin
 from spab_core.plotting.margin import margin_figure
 from spab_core.trajectory.assessment import DEFAULT_LIMITS, Limits
 from spab_core.ui.jobs import solves_unasked
+from spab_core.ui.pace import let_pages_first
 from spab_core.ui.plain_picture import plotly_wanted
 from spab_core.ui.solving import LIVE, waits_for_compiler
 from spab_core.ui.view import chosen_limits
@@ -126,6 +127,7 @@ class _Threads(futures.Executor):
         step_back()
         while True:
             future, call = self._calls.get()
+            let_pages_first()
             try:
                 future.set_result(call())
             except BaseException as error:  # raised where the result is asked for
