@@ -28,24 +28,36 @@ export default function ({ data, setTriggerValue }) {
     Object.assign(plot.calcdata[k][0], { x, y });
     node?.setAttribute("transform", `translate(${trace._xA.c2p(x)},${trace._yA.c2p(y)})`);
   };
+  const marked = plot => plot._fullData.findIndex(trace => trace.name === data.mark);
+  const choose = (plot, k, cell) => {
+    move(plot, k, ...cell);
+    setTriggerValue("cell", cell);
+  };
   const clicked = event => {
     const point = event.points.find(
       p => p.fullData.type === "heatmap" && p.xaxis._id === data.axis);
-    if (!point) return;
-    const plot = find(), k = plot._fullData.findIndex(trace => trace.name === data.mark);
-    // a double click asks for the whole map: its first click did not count
-    const twice = event.event.detail > 1 && plot.spabBefore;
-    const [x, y] = twice || [point.x, point.y];
-    plot.spabBefore = twice ? null : [plot.data[k].x[0], plot.data[k].y[0]];
-    move(plot, k, x, y);
-    setTriggerValue("cell", [x, y]);
+    if (!point || event.event.detail > 1) return;  // of a double click: see below
+    const plot = find(), k = marked(plot);
+    plot.spabBefore = { at: [plot.data[k].x[0], plot.data[k].y[0]], when: Date.now() };
+    choose(plot, k, [point.x, point.y]);
+  };
+  // a double click asks for the whole map: its first click, just before, did not count. Plotly may
+  // leave out a click where the page is busy, but not this
+  const doubled = () => {
+    const plot = find(), before = plot.spabBefore;
+    plot.spabBefore = null;
+    if (before && Date.now() - before.when < 1000) choose(plot, marked(plot), before.at);
   };
   const listen = () => {  // another figure is another element
     const plot = find();
     if (!plot?.on || plot.spabClicked === clicked) return;
-    if (plot.spabClicked) plot.removeListener("plotly_click", plot.spabClicked);
-    plot.spabClicked = clicked;
+    if (plot.spabClicked) {
+      plot.removeListener("plotly_click", plot.spabClicked);
+      plot.removeListener("plotly_doubleclick", plot.spabDoubled);
+    }
+    [plot.spabClicked, plot.spabDoubled] = [clicked, doubled];
     plot.on("plotly_click", clicked);
+    plot.on("plotly_doubleclick", doubled);
   };
   listen();
   clearInterval(timers[data.chart]);  // Streamlit may call again without a word to the one before

@@ -17,6 +17,9 @@ def page_begins() -> None:
 
 
 def let_pages_first() -> None:
-    """Wait until no page has begun in the last :data:`DRAWING` seconds."""
-    while (left := _began + DRAWING - time.monotonic()) > 0.0:
+    """Wait until no page has begun in the last :data:`DRAWING` seconds, for that long at most: on
+    a server of many users one has always just begun.
+    """
+    end = time.monotonic() + DRAWING
+    while (left := min(_began + DRAWING, end) - time.monotonic()) > 0.0:
         time.sleep(left)

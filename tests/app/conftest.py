@@ -56,7 +56,7 @@ def until_margin(at, seconds=120):
         "Solving the margin" in (bar.proto.text or "") for bar in at.get("progress")
     ):
         assert time.monotonic() < end
-        time.sleep(0.5)
+        time.sleep(2.0)  # which waits while a page is drawn
         at = at.run()
     return at
 

@@ -228,7 +228,7 @@ def test_a_margin_solves_itself_and_is_kept():
     while margin_panel.kept_margin(*key) is None:
         assert time.monotonic() < end
         at.run()  # a page that nobody looks at any more stops its margin
-        time.sleep(0.2)
+        time.sleep(2.0)  # which waits while a page is drawn
     at.run()
     assert not at.exception and not complaints(at)
 

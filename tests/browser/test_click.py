@@ -55,6 +55,7 @@ def test_the_map_answers_before_plotly_is_there(address, tools):
         page.mouse.click(*pixels_of(picture, m, row, column))
         page.get_by_text(point_words(m, row, column)).wait_for()
         assert "bearing_number=4.5&rotor_mass=18" in page.url
+        page.wait_for_selector(".st-key-orbit_box .spab-plot")  # drawn last
         _, _, cross, orbit, _ = page.evaluate(PLACES)  # the words above the orbit are others now
         assert place_on(picture, cross, m) == pytest.approx([4.5, 18.0], abs=0.06)
         page.wait_for_selector(

@@ -61,7 +61,7 @@ def test_what_tests_benchmarks_docs_and_examples_import_is_declared():
         "benchmarks",
     }
     # what benchmarks/against.py and open_air_bearing.py compare with, where it is there
-    rivals = {"extensisq", "heyoka", "openairbearing"}
+    rivals = {"extensisq", "heyoka", "openairbearing", "optuna", "pymoo"}
     found = imported("tests/**/*.py", "benchmarks/*.py", "docs/*.py", "examples/*.py")
     groups = (PROJECT["dependencies"], *EXTRAS.values())
     assert "pytest" in found and not undeclared(
