@@ -192,11 +192,10 @@ def point_bar(*, of_example: bool = False) -> DeltaGenerator:
         width=210,
         placeholder=EXAMPLE if is_reference() else "own design",
     )
-    with row.popover(
-        "Limits" if chosen_limits() == DEFAULT_LIMITS else "Limits, changed",
-        icon=":material/rule:",
-    ):
+    with row.popover("Limits", icon=":material/rule:"):
         _limit_fields()
+    if chosen_limits() != DEFAULT_LIMITS:
+        row.markdown(":small[Judged by limits of your own.]", width="content")
     note_live(("rotor_mass", "bearing_number", "supply_as", "name", *LIMIT_FIELDS))
     return row
 

@@ -355,3 +355,16 @@ def test_a_damaged_map_is_said_in_words(monkeypatch, tmp_path):
     assert not at.exception
     assert any("manifest" in e.value for e in at.error)
     st.cache_resource.clear()
+
+
+def test_limits_of_ones_own_are_told_and_judge_the_point():
+    at = AppTest.from_file(APP, default_timeout=240)
+    at.query_params.update(rotor_mass="1", bearing_number="0.5")
+    at.run()
+    assert not at.exception and "limits of your own" not in " ".join(x.value for x in at.markdown)
+    good = verdicts(at)[0]
+    at.number_input(key="least_film").set_value(34.0).run()
+    assert not at.exception and any("limits of your own" in x.value for x in at.markdown)
+    assert "not recommended" in verdicts(at)[0] and "not recommended" not in good
+    assert address(at)["least_film"] == "34"
+    assert any("limit 34.0 µm" in x.value for x in at.caption)
