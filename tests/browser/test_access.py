@@ -91,16 +91,26 @@ def test_no_page_has_a_serious_finding(theme, width, height, address, tools):
                 used, seen = page.evaluate(FIRST_SCREEN)
                 assert used > 0.9 and seen, (size, used, seen)
                 page.set_viewport_size({"width": width, "height": height})
-            if theme == "dark" and (boxes := page.evaluate(WHITE)):
-                found[f"{name}: white boxes"] = boxes[:4]
-            if max(over := page.evaluate(OVER)) > 0:
-                found[f"{name}: scrolls sideways"] = over
-            for v in axe.Axe().run(page, options=rules).response["violations"]:
-                if v["impact"] in GRAVE:
-                    found[f"{name}: {v['id']}"] = [node["html"][:200] for node in v["nodes"][:4]]
+            if now := findings(page, theme, rules):
+                page.wait_for_timeout(1500)  # what was still being drawn
+                now = findings(page, theme, rules)
+            found |= {f"{name}: {what}": where for what, where in now.items()}
     assert not found, found
     assert width >= 640 or {"start", "my_map", "what_if"} <= set(passed)
     watched.check()
+
+
+def findings(page, theme, rules):
+    """What is wrong with what stands on the page, and where."""
+    found = {}
+    if theme == "dark" and (boxes := page.evaluate(WHITE)):
+        found["white boxes"] = boxes[:4]
+    if max(over := page.evaluate(OVER)) > 0:
+        found["scrolls sideways"] = over
+    for v in axe.Axe().run(page, options=rules).response["violations"]:
+        if v["impact"] in GRAVE:
+            found[v["id"]] = [node["html"][:200] for node in v["nodes"][:4]]
+    return found
 
 
 def test_a_machine_is_entered_by_the_keyboard_alone(address, tools):
