@@ -505,26 +505,27 @@ def chosen_point() -> tuple[float, float]:
     return float(st.session_state["rotor_mass"]), float(st.session_state["bearing_number"])
 
 
+def _limit_keys() -> list[tuple[str, str, float]]:
+    """Key in the view, attribute of :class:`Limits` and what one in the view is there: the options
+    of the commands by their names.
+    """
+    return [(option[2:].replace("-", "_"), name, unit) for option, name, unit, _ in LIMITS]
+
+
 def chosen_limits() -> Limits:
     """What the user calls good; a calm eccentricity over the largest one is taken as that."""
-    names = ("least_film", "max_eccentricity", "calm_eccentricity", "max_orbit", "separation")
-    film, largest, calm, orbit, separation = (
-        float(st.session_state.get(name, VIEW[name].default)) for name in names
-    )
-    return Limits(1e-6 * film or None, largest, min(calm, largest), orbit, separation)
+    given = {
+        name: unit * float(st.session_state.get(key, VIEW[key].default))
+        for key, name, unit in _limit_keys()
+    }
+    given["calm_eccentricity"] = min(given["calm_eccentricity"], given["eccentricity"])
+    return Limits(given.pop("least_film") or None, **given)
 
 
 def set_limits(limits: Limits) -> None:
     """Make this what the user calls good; call it in a widget's callback."""
-    shown = {
-        "least_film": 1e6 * (limits.least_film or 0.0),
-        "max_eccentricity": limits.eccentricity,
-        "calm_eccentricity": limits.calm_eccentricity,
-        "max_orbit": limits.orbit,
-        "separation": limits.separation,
-    }
-    for key, value in shown.items():
-        show_value(key, float(f"{value:.6g}"))
+    for key, name, unit in _limit_keys():
+        show_value(key, float(f"{(getattr(limits, name) or 0.0) / unit:.6g}"))
 
 
 def limits_option(limits: Limits) -> str:
