@@ -32,3 +32,13 @@ def test_an_own_map_gives_way_where_only_the_shipped_one_holds_the_point(two_map
     assert own_map.map_of(design, small[0], small_number[0]).id == shipped.id
     # in neither: what the user has computed
     assert own_map.map_of(design, 10.0 * large[-1], large_number[-1]).id == other.id
+
+
+def test_a_cell_is_judged_with_its_equilibrium_too():
+    """Good by its motion; but of a fed bearing whose pores are taken to store no gas."""
+    name = next(one for one in MAPS if "quasi_steady" in one.file)
+    found = own_map.shown_example(name).found
+    m = found[1]
+    row, column = (int(k[0]) for k in (m.grades() == "good").nonzero())
+    judged = own_map.cell_assessment(found, (row, column))
+    assert judged.grade == "watch" and "outside the theory" in judged.kinds
