@@ -359,14 +359,15 @@ def cell_words(found: Found, cell: tuple[int, int]) -> str:
 
 
 def cell_assessment(found: Found, cell: tuple[int, int]) -> Assessment:
-    """Judge a cell by its motion and, where linear theory needs no compiling, by its equilibrium,
-    which is otherwise told as not known.
+    """Judge a cell by its motion and, where linear theory says something and needs no compiling, by
+    its equilibrium, which is otherwise told as not known.
     """
     m, (row, column) = found[1], cell
     rest = None
     if is_linear_compiled(m.design):
         at = float(m.rotor_mass[column]), float(m.bearing_number[row])
-        rest = derived_now(m.design, *at)
+        with suppress(InputError, np.linalg.LinAlgError):  # as a point's own
+            rest = derived_now(m.design, *at)
     return assess(m.design, m.motion(row, column), rest, m.limits)
 
 

@@ -72,7 +72,6 @@ def report_buttons(
             design_words(),
             assumed_words(),
             chosen_limits(),
-            limits_option(chosen_limits()),
         )
         more = sections_of(design, rotor_mass, design.speed_rpm(bearing_number))
         html = partial(_html, head, shown, point, more)
@@ -96,7 +95,6 @@ class Head:
     design: str
     assumed: list[str]
     limits: Limits
-    options: str  # of a command, for those limits
 
 
 def _html(
@@ -121,9 +119,10 @@ def _html(
     sections += more
     sections.append(design_section(point.design))
     at_point = f"--rotor-mass {point.rotor_mass:g} --bearing-number {point.bearing_number:.6g}"
+    at_point += limits_option(head.limits)
     commands = [
-        f"spab simulate --design my.toml {at_point}{head.options}",
-        f"spab margin --design my.toml {at_point}{head.options}",
+        f"spab simulate --design my.toml {at_point}",
+        f"spab margin --design my.toml {at_point}",
         *([shown.command] if shown else []),
     ]
     box = summary(point, solved, head.assumed, head.limits)

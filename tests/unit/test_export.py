@@ -144,7 +144,7 @@ def test_each_title_names_the_shape_of_the_bearings(m, line, point):
     assert "on spherical porous" in point_dataset(point).title
     other = dataclasses.replace(point, design=cylinder)
     assert "on cylindrical porous" in point_dataset(other).title
-    html = _html(Head("", "", "", [], DEFAULT_LIMITS, ""), None, other, [])
+    html = _html(Head("", "", "", [], DEFAULT_LIMITS), None, other, [])
     assert "<h1>Rotor on cylindrical porous gas bearings</h1>" in html
 
 
