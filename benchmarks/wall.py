@@ -24,6 +24,7 @@ from spab_core.solver.system import System
 from spab_core.solver.wall import SHARE, SPACING
 
 HIGHEST = 4e4  # nu sigma_w / P
+WORKING = 300.0  # where the walls that are made work at the whirl: the spindles' at some 100
 REPEAT, ROUNDS = 200, 40
 
 
@@ -67,11 +68,11 @@ def decays(spacing, share):
 
 
 def find(count, highest=HIGHEST):
-    """Cells with the least largest error of the flow, and of the slowest decay by half and the next
-    by a tenth: least squares of rising powers of the errors.
+    """Cells with the least largest error of the flow, twice as small up to ``WORKING``, and of the
+    slowest decay by half and the next by a tenth: least squares of rising powers of the errors.
     """
     s = -1j * np.geomspace(0.05, highest, 240)
-    wanted = exact(s)
+    wanted, weight = exact(s), np.where(np.abs(s) < WORKING, 2.0, 1.0)
 
     def cells(p):
         p = np.exp(np.clip(p - p.max(), -30.0, 0.0))
@@ -79,7 +80,7 @@ def find(count, highest=HIGHEST):
         return spacing / spacing.sum(), share / share.sum()
 
     def errors(p):
-        flow = np.abs(through(*cells(p), s) / wanted - 1.0)
+        flow = weight * np.abs(through(*cells(p), s) / wanted - 1.0)
         return np.append(flow, (0.5, 0.1) * np.abs(decays(*cells(p))[:2] - 1.0))
 
     growing = np.geomspace(highest**-0.5, 1.0, count + 1)

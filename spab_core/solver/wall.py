@@ -28,9 +28,9 @@ from spab_core.solver.ring import width
 from spab_core.solver.simd import at, chosen, inner, load, splat, store
 
 # of the thickness: from the film to the first cell, from cell to cell, to the outer face
-SPACING = (0.001447, 0.006849, 0.013232, 0.025901, 0.053829, 0.113719, 0.239278, 0.453448, 0.092297)
+SPACING = (0.001486, 0.007040, 0.013835, 0.027924, 0.059323, 0.120339, 0.237215, 0.437659, 0.095179)
 # each cell's share of the pores
-SHARE = (0.004216, 0.009667, 0.018320, 0.037189, 0.078195, 0.165347, 0.340313, 0.346753)
+SHARE = (0.004328, 0.009996, 0.019452, 0.040680, 0.085160, 0.169128, 0.329394, 0.341862)
 
 
 def cells(depth):
