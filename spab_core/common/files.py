@@ -9,11 +9,12 @@ import secrets
 import time
 from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import TypeVar
-
-import pandas as pd
+from typing import TYPE_CHECKING, TypeVar
 
 from spab_core.common.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _T = TypeVar("_T")
 

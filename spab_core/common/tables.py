@@ -15,14 +15,16 @@ import warnings
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from spab_core.common.errors import InputError
 from spab_core.common.npz import UNREADABLE
 from spab_core.common.words import count
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MAX_COLUMNS = 5_000
 _MAX_LINE = 1_000_000  # characters
@@ -365,6 +367,8 @@ def decimal_sign(columns: Sequence[pd.Series], separator: str) -> tuple[str, str
     InputError
         Where numbers can be read in two ways.
     """
+    import pandas as pd  # a third of a second to load
+
     cells = pd.concat(list(columns), ignore_index=True)
     comma, point = (cells.str.contains(sign, regex=False) for sign in ",.")
     if not comma.any():
@@ -400,6 +404,8 @@ def numbers(column: pd.Series, sign: tuple[str, str]) -> np.ndarray:
     """Return a column of text as numbers, nan where a cell is none; ``sign`` is of
     :func:`decimal_sign`. Powers of ten may be written with d, as Fortran does.
     """
+    import pandas as pd
+
     decimal, thousands = sign
     text = column
     if thousands:

@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.linalg import lu_factor, lu_solve
 
 from spab_core.common.threads import one_thread
 from spab_core.solver.film import film_array, film_size, gas_array, gas_size, placed, thickness
@@ -57,7 +56,7 @@ class GasSystem:
         columns = right[m:].reshape(count, m, -1)
         alone = np.einsum("mkl,lmc->kmc", inverse, columns)
         sides = right[:m] + np.einsum("mk,kmc->mc", self.inward, alone)
-        film = lu_solve(lu_factor(matrix), sides)
+        film = np.linalg.solve(matrix, sides)
         wall = alone + answer.T[:, :, None] * film
         return np.asarray(np.concatenate([film, wall.reshape(count * m, -1)]))
 

@@ -12,10 +12,9 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent import futures
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from spab_core.common.arrays import Array, Schema, load
 from spab_core.common.errors import InputError
@@ -41,6 +40,9 @@ from spab_core.trajectory.assessment import (
 from spab_core.trajectory.point import OperatingPoint, solve_point
 from spab_core.trajectory.provenance import map_metadata
 from spab_core.trajectory.settings import Settings
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 VARY = ("rotor-mass", "bearing-number")
 SWEEPS = ("cold", "up", "down")
@@ -453,6 +455,8 @@ def interval_table(line: Bifurcation, sweeps: Sequence[str]) -> pd.DataFrame:
         A row a band: ``sweep``, ``assessment``, ``why``, ``first`` and ``last`` value; over bearing
         numbers in rpm too.
     """
+    import pandas as pd  # a third of a second to load
+
     rows = [
         (name, band.grade, band.why, line.values[band.first], line.values[band.last])
         for name in line.branches
@@ -471,6 +475,8 @@ def interval_table(line: Bifurcation, sweeps: Sequence[str]) -> pd.DataFrame:
 
 def line_table(line: Bifurcation) -> pd.DataFrame:
     """Return a line as a table: for each sweep and point its place, exponent, regime and so on."""
+    import pandas as pd
+
     speed = line.design.speed_rpm(1.0)
     mass, number = (line.values, line.at) if line.vary == "rotor-mass" else (line.at, line.values)
     return pd.concat(

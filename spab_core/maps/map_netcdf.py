@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.io import netcdf_file
 
 from spab_core.common.npz import MAX_BYTES, npz_bytes
 from spab_core.solver.stepping import STATUS
@@ -38,6 +37,8 @@ def as_npz(path: str | Path) -> bytes:
     data = Path(path).read_bytes() if Path(path).stat().st_size <= MAX_BYTES else b""
     if not data:
         raise ValueError(f"it is larger than {MAX_BYTES:,} bytes")
+    from scipy.io import netcdf_file  # a fifth of a second to load, for such a file alone
+
     with netcdf_file(io.BytesIO(data), mmap=False) as file:
         if not {"mle", "bearing_number", "rotor_mass"} <= set(file.variables):
             raise ValueError("it is a NetCDF file of no map: give the NPZ file")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from spab_core.common.arrays import Array, Schema, load
 from spab_core.common.errors import InputError
@@ -28,6 +28,9 @@ from spab_core.surrogates.columns import (
     is_unit_row,
     with_unit,
 )
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MAX_BYTES = 20_000_000
 MAX_ROWS = 200_000
@@ -181,6 +184,8 @@ class _Cells:
 
 def _cells(table: Table) -> dict[str, _Cells]:
     """Return the cells by quantity."""
+    import pandas as pd  # a third of a second to load
+
     columns, texts, lines = _matrix(table) or _columns(table)
     series = {q: pd.Series(values, dtype=object) for q, values in texts.items()}
     filled = {q: ~s.str.lower().isin(MISSING).to_numpy(bool) for q, s in series.items()}
