@@ -26,7 +26,7 @@ STORING := tests/physics $(addprefix tests/unit/test_,kernels.py simulate.py det
 OLDEST := $(addprefix tests/unit/test_,design.py form.py export.py simulate.py map_engine.py surrogates.py) \
   $(addprefix tests/physics/test_,film.py integrators.py) $(addprefix tests/app/test_,about.py view.py home.py my_bearing.py)
 
-.PHONY: run test test-fast coverage kernels compiled test-foreign test-python oldest test-oldest licences lint lock map train verify \
+.PHONY: run test test-fast coverage kernels quick-kernels compiled test-foreign test-python oldest test-oldest licences lint lock map train verify \
   bifurcations audit linear-table refined preset-maps manifest pictures results docs clean another-python
 
 run: $(VENV)/.ready
@@ -57,11 +57,14 @@ test-foreign: kernels
 	$(FOREIGN) $(BIN)/python -m pytest $(SOLVING)
 
 # on another Python, without what takes more than a few seconds: make test-python PYTHON=python3.13 VENV=.venv-newest
-test-python: kernels
+test-python: quick-kernels
 	$(FOREIGN) $(BIN)/python -m pytest -m "not slow" $(STORING)
 
 kernels: $(VENV)/.ready
 	$(FOREIGN) $(BIN)/python -m tests.kernels
+
+quick-kernels: $(VENV)/.ready
+	$(FOREIGN) $(BIN)/python -m tests.kernels --quick
 
 compiled: $(VENV)/.ready
 	$(FOREIGN) $(BIN)/python $(COMPILE)
