@@ -8,6 +8,7 @@ from spab_core.shipped.manifest import load_audit
 from spab_core.ui.documents import read_sections, show_sections
 from spab_core.ui.downloads import downloads
 from spab_core.ui.shared import errors_in_words, page_head
+from spab_core.ui.view import ABOUT_TABS
 
 AUDIT, CHECKED, DIFFERS = (
     "Audit of the map",
@@ -37,25 +38,24 @@ with button:
         command="python benchmarks/audit_map.py",
     )
 
-equations, validation, found, differs = st.tabs(
-    [
-        "Equations and assumptions",
-        "Numerics and validation",
-        "Results",
-        "Where it differs from the paper",
-    ]
-)
-with equations:
+
+def _equations() -> None:
     show_sections(
         {heading: body for heading, body in model.items() if heading not in (CHECKED, DIFFERS)}
     )
-with validation:
-    show_sections({AUDIT: results.pop(AUDIT)})
+
+
+def _validation() -> None:
+    show_sections({AUDIT: results[AUDIT]})
     st.plotly_chart(audit_figure(audited), key="audit", width="stretch")
     show_sections({CHECKED: model[CHECKED]} | numerics)
-with found:
-    show_sections(results)
-with differs:
+
+
+def _results() -> None:
+    show_sections({heading: body for heading, body in results.items() if heading != AUDIT})
+
+
+def _differs() -> None:
     st.markdown(
         'The paper is Kuo, Lee and Wang, "A High-Precision Random Forest-Based Maximum Lyapunov '
         "Exponent Prediction "
@@ -63,3 +63,13 @@ with differs:
         "10.1109/ACCESS.2020.3022854."
     )
     show_sections({DIFFERS: model[DIFFERS]})
+
+
+for tab, show in zip(
+    st.tabs(ABOUT_TABS, key="about_tab", on_change="rerun"),
+    (_equations, _validation, _results, _differs),
+    strict=True,
+):
+    if tab.open:
+        with tab:
+            show()

@@ -151,6 +151,12 @@ PROBABILITY = "Probability"  # of the assessment that is told, where it is predi
 OWN_LAYERS = (*(layer for layer in LAYERS if layer != SURROGATE), PROBABILITY)
 WHAT_TABS = ("Change the drawing", "Run-up", "Two designs")
 DRAW_TABS = ("Tolerances", "A better drawing")
+ABOUT_TABS = (
+    "Equations and assumptions",
+    "Numerics and validation",
+    "Results",
+    "Where it differs from the paper",
+)
 DRAWN = (64, 128, 256, 512, 1024, 2048, 4096)  # machines within tolerances
 WISH_PAIRS = tuple(f"{a}, {b}" for a in WISHES for b in WISHES if a != b)
 METRICS, CELLS = ("rmse", "mae"), ("held_out", "all")
@@ -256,6 +262,7 @@ VIEW: dict[str, Field] = {
     "held_film": Field(0.0, _number("held_film", 0.0, 1e3, "µm"), "{:.6g}".format),
     "load": Field(1.0, _number("load", 1.0, 100.0), "{:.6g}".format),
     "within": Field(False, _one_of("within", (True, False))),
+    "about_tab": Field(ABOUT_TABS[0], _one_of("about_tab", ABOUT_TABS)),
     "two_preset": Field(list(PRESETS)[1], _one_of("two_preset", PRESETS)),
 }
 _DESIGN = (

@@ -14,6 +14,7 @@ from spab_core.shipped import manifest
 from spab_core.shipped.manifest import AUDIT, ArtifactError, load_audit
 from spab_core.ui import documents
 from spab_core.ui.documents import read_sections
+from spab_core.ui.view import ABOUT_TABS
 from tests.app.conftest import complaints
 from tests.conftest import ROOT
 
@@ -21,24 +22,30 @@ PAGE = str(next((ROOT / "pages").glob("*_About_the_model.py")))
 SHOWN = ("model.md", "numerics.md", "results.md")
 
 
+def opened(tab):
+    at = AppTest.from_file(PAGE, default_timeout=30)
+    at.query_params["about_tab"] = tab
+    return at.run()
+
+
 def test_every_line_of_the_documents_is_on_the_page_once():
-    at = AppTest.from_file(PAGE, default_timeout=30).run()
-    assert not at.exception and not complaints(at)
-    assert [tab.label for tab in at.tabs] == [
-        "Equations and assumptions",
-        "Numerics and validation",
-        "Results",
-        "Where it differs from the paper",
-    ]
-    shown = "\n".join(block.value for block in at.markdown).splitlines()
+    words, bodies = [], []
+    for name in ABOUT_TABS:
+        at = opened(name)
+        assert not at.exception and not complaints(at)
+        assert [tab.label for tab in at.tabs] == list(ABOUT_TABS)
+        assert [bool(tab.children) for tab in at.tabs] == [tab == name for tab in ABOUT_TABS]
+        words += [block.value for block in at.markdown]
+        bodies += [h.proto.body for h in at.get("html")]
+        assert not [c.value for c in at.caption if "missing" in c.value]
+    shown = "\n".join(words).splitlines()
     for name in SHOWN:
         for line in (HOME / "docs" / name).read_text("utf-8").splitlines():
             if line.strip("$ ") and not line.startswith(("# ", "![", "## ", "|")):
                 assert shown.count(line) == 1, line
     pictures = sum((HOME / "docs" / name).read_text("utf-8").count("![") for name in SHOWN)
-    shown = [h.proto.body for h in at.get("html") if "<img alt=" in h.proto.body]
+    shown = [body for body in bodies if "<img alt=" in body]
     assert len(shown) == pictures > 5 and not any('alt=""' in body for body in shown)
-    assert not [c.value for c in at.caption if "missing" in c.value]
 
 
 def test_formulas_are_closed():
@@ -64,7 +71,7 @@ def test_the_guide_shows_every_page():
 
 
 def test_audit_figure_has_every_cell():
-    at = AppTest.from_file(PAGE, default_timeout=30).run()
+    at = opened("Numerics and validation")
     traces = json.loads(at.get("plotly_chart")[0].proto.spec)["data"]
     rows = load_audit(AUDIT)
     assert [t["name"] for t in traces[1:]] == [
