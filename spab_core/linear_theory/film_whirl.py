@@ -22,6 +22,7 @@ from spab_core.solver.film import Mesh
 # continuity: a mode moves by less than this share of its frequency between two speeds, is at least
 # twice as near as any other of a like shape, and keeps its shape
 _LARGEST_MOVE, _NEARNESS, _LIKENESS = 0.25, 0.5, 0.5
+_HARDLY = 0.95  # decay over frequency near which no vibration is found (rotor_modes)
 _HALVINGS = 7  # of an interval of speeds in which the next mode is in doubt
 
 
@@ -116,10 +117,13 @@ def _steps(
     )
     if middle is None:
         here = start[2]
+        why = "no one mode goes on"
+        if start[0].system.film.depth and -here.root.real > _HARDLY * here.root.imag:
+            why = "below, its damping ratio is over 0.7: it hardly swings and is no whirl any more"
         raise InputError(
             f"the film's whirl cannot be followed from {_rpm(start[0]):,.0f} rpm (there at "
             f"{here.ratio:.3f} of the speed, logarithmic decrement "
-            f"{here.log_decrement:.3g}) down to {_rpm(end):,.0f} rpm: no one mode goes on"
+            f"{here.log_decrement:.3g}) down to {_rpm(end):,.0f} rpm: {why}"
             f"{_on_wall(start[0])}; give speeds on one side of these, or a whirl ratio"
         )
     for at, found, candidate in _steps(start, middle, mesh, halvings - 1):
