@@ -449,7 +449,9 @@ def test_a_whirl_that_hardly_swings_is_refused():
     """Of the cylinder's whirl on a wall that stores gas, at a damping ratio of 0.7, 4,500 rpm."""
     d = preset("carbon_bushing").design
     numbers = [d.bearing_number(v * math.pi / 30.0) for v in (2_000.0, 6_000.0)]
-    with pytest.raises(InputError, match=r"from 4,[45]\d\d rpm.*decrement 6\..*its damping ratio is over 0\.7"):
+    with pytest.raises(
+        InputError, match=r"from 4,[45]\d\d rpm.*decrement 6\..*its damping ratio is over 0\.7"
+    ):
         coefficients_over_speed(d, 3.0, numbers, FILM_WHIRL, MESH)
 
 
