@@ -7,6 +7,7 @@ keeps the values across pages, writes the address anew."""
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -407,9 +408,12 @@ def _design_value(name: str, text: str) -> Value:
 
 def _changed(changes: dict[str, Any]) -> Design:
     """The reference design with values by their dotted names changed."""
-    return reference_design().replace(
-        **{key.replace(".", "__"): value for key, value in changes.items()}
-    )
+    return _design_of(tuple(changes.items()))
+
+
+@functools.lru_cache(maxsize=32)  # a page asks for it some fifty times
+def _design_of(changes: tuple[tuple[str, Any], ...]) -> Design:
+    return reference_design().replace(**{key.replace(".", "__"): value for key, value in changes})
 
 
 def chosen_design() -> Design:
