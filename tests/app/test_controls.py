@@ -31,9 +31,10 @@ PAGES = {"Stability_map": ROOT / "app.py"} | {
 }
 # a rotor that swings in a second what a light one does in a minute, at 100 bar
 HEAVY = {"rotor_mass": 30.0}
+LIGHT = {"rotor_mass": 0.1}  # which every preset carries without a finer mesh, and its kernels
 STATES = [(name, HEAVY if name == "Stability_map" else {}) for name in PAGES] + [
-    ("What_if", {"what_tab": "Run-up"} | HEAVY),
-    ("What_if", {"what_tab": "Two designs"}),
+    ("What_if", {"what_tab": "Run-up"}),
+    ("What_if", {"what_tab": "Two designs"} | LIGHT),
     ("Bifurcation", {"line": "rotor-mass"}),
     ("Surrogate_map", {"sure": True}),
     *(("Reproduce_the_paper", {"paper": part}) for part in PAPER_PARTS if part != "claims"),
