@@ -393,3 +393,14 @@ def test_commands_that_solve_do_not_load_what_learns():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
+
+
+def test_the_library_loads_what_only_some_need_where_they_do():
+    """pandas and scipy's linear algebra would double the time of an import."""
+    code = (
+        "import sys, spab_core\n"
+        "late = {'pandas', 'scipy.linalg', 'scipy.io', 'sklearn', 'plotly', 'streamlit'}\n"
+        "assert 'numba' in sys.modules and not late & set(sys.modules), late & set(sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
