@@ -6,7 +6,8 @@ the exponent, per revolution, over the cells that it was not trained on, and one
 the solved cell.
 
 Check: the errors are those of draw 0 in artifacts/surrogate_scores.csv (docs/results.md has the
-means over ten draws).
+means over ten draws); those of theory-trees to 1 %, as another processor's rounding picks otherwise
+among splits that are alike.
 """
 
 from spab_core import load_map
