@@ -17,7 +17,7 @@ STARTS = {
     "import spab_core": ["-c", "import spab_core"],
     "spab simulate --help": ["-m", "spab_core.cli", "simulate", "--help"],
     "spab map --help": ["-m", "spab_core.cli", "map", "--help"],
-    "spab jobs": ["-m", "spab_core.cli", "jobs"],
+    "spab jobs list": ["-m", "spab_core.cli", "jobs", "list"],
 }
 
 
