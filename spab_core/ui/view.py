@@ -411,7 +411,7 @@ def _changed(changes: dict[str, Any]) -> Design:
     return _design_of(tuple(changes.items()))
 
 
-@functools.lru_cache(maxsize=32)  # a page asks for it some fifty times
+@functools.lru_cache(maxsize=32)  # a page asks for it up to 35 times
 def _design_of(changes: tuple[tuple[str, Any], ...]) -> Design:
     return reference_design().replace(**{key.replace(".", "__"): value for key, value in changes})
 

@@ -29,7 +29,7 @@ from tests.conftest import ROOT
 PAGES = {"Stability_map": ROOT / "app.py"} | {
     path.stem.partition("_")[2]: path for path in sorted((ROOT / "pages").glob("*.py"))
 }
-# a rotor that swings in a second what a light one does in a minute, at 100 bar
+# at 100 bar its point is solved in 3 s, that of the usual 4.5 kg in 44
 HEAVY = {"rotor_mass": 30.0}
 LIGHT = {"rotor_mass": 0.1}  # which every preset carries without a finer mesh, and its kernels
 STATES = [(name, HEAVY if name == "Stability_map" else {}) for name in PAGES] + [
