@@ -48,7 +48,8 @@ BAR = ["Rotor mass, kg", "Shaft speed, rpm", "Bearing number Λ", "Supply, bar g
 # what is white and large enough to be a box, legends of figures among them
 WHITE = """() => {
     const white = colour => {
-        const c = (colour.match(/[\\d.]+/g) || [0]).map(Number);
+        // url("#g249...") of a gradient has digits too
+        const c = colour.startsWith("rgb") ? colour.match(/[\\d.]+/g).map(Number) : [0];
         return Math.min(...c.slice(0, 3)) > 240 && (c[3] ?? 1) > 0.5;
     };
     const boxes = document.querySelectorAll("[data-testid='stMain'] *");
