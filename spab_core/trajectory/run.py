@@ -370,14 +370,14 @@ class Run:
 
     def solve(self) -> Trajectory:
         """Run until settled or decided or to the end, refine the rate, record the path."""
-        self.run_until_settled()
+        self.run_to_end()
         while self._is_undecided():
             self.total += self.settings.revolutions
-            self.run_until_settled()
+            self.run_to_end()
         if self._may_refine() and _may_be_swift(self.design, self.system.rotor):
             self.refine_swift_mode()
-        if self.kept and self.status == OK:
-            self.path = self.advance(self.kept, self.samples).path
+        if not len(self.path):
+            self._record_path()
         return self.pack()
 
     def advance(self, count: int, samples: int = 0) -> Record:
@@ -461,6 +461,18 @@ class Run:
             return window(self.settled.period) + len(self.path)
         return max(self.done - self.transient, 0)
 
+    def run_to_end(self) -> None:
+        """Run until settled, or to the end with the path of its last revolutions."""
+        self.path = self.path[:0]
+        self.run_until_settled()
+        if self.settled is None:
+            self._record_path()
+
+    def _record_path(self) -> None:
+        """Run the last revolutions, if they are asked for, and keep their path."""
+        if self.kept and self.status == OK:
+            self.path = self.advance(self.kept, self.samples).path
+
     def run_until_settled(self) -> None:
         """Run up to the recorded path, or until a check finds a periodic orbit that attracts."""
         end = self.total - self.kept
@@ -481,22 +493,24 @@ class Run:
                 self._check()
 
     def _is_undecided(self) -> bool:
-        """Whether the motion has no regime yet and may be measured for longer: up to
-        :data:`MOST_MEASURED` times the revolutions asked for.
+        """Whether the motion has no regime yet, or one that hangs on the last :data:`_ATTENTION`
+        revolutions, and may be measured for longer: up to :data:`MOST_MEASURED` times the
+        revolutions asked for.
         """
-        asked, until = self.settings.revolutions, self.total - max(self.kept, _ATTENTION)
-        rows, beyond = until - self.transient, self.done - until
         if (
             self.status != OK
             or self.settled is not None
             or not self.settings.early_stop
-            or self.total - self.transient >= MOST_MEASURED * asked
-            or rows <= 0
+            or self.measured <= _ATTENTION
+            or self.measured >= MOST_MEASURED * self.settings.revolutions
         ):
             return False
-        mle = exponent(self.last("growth", rows + beyond)[:rows])
-        section = self.last("section", rows + beyond)[:rows]
-        return mle is not None and classify(section, mle).name == "undecided"
+        growth, section = self.last("growth", self.measured), self.last("section", self.measured)
+        return "undecided" in [
+            classify(section[:rows], mle).name
+            for rows in (self.measured, self.measured - _ATTENTION)
+            if (mle := exponent(growth[:rows])) is not None
+        ]
 
     def _check(self) -> None:
         """Stop on a periodic orbit that attracts; push the run, once, off one that does not."""

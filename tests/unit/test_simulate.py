@@ -9,8 +9,8 @@ import pytest
 from spab_core import Settings, solve_point
 from spab_core.common.errors import DesignError
 from spab_core.solver.film import Mesh
-from spab_core.solver.stepping import STATUS
-from spab_core.trajectory.run import path_angle
+from spab_core.solver.stepping import STATUS, build_record
+from spab_core.trajectory.run import MOST_MEASURED, Run, path_angle
 
 SHORT = Settings(mesh=Mesh(3, 16), transient=30, revolutions=30)
 
@@ -47,6 +47,41 @@ def test_steps_are_as_many_as_measured(design):
         for m, b in ((7.0, 6.0), (18.0, 4.5), (10.0, 0.25))
     ]
     assert max(steps) < 80.0 and min(steps) < 20.0, steps
+
+
+@pytest.mark.parametrize(
+    ("late", "total", "goes_on"), [(0.0, 330, False), (0.2, 330, True), (0.2, 1230, False)]
+)
+def test_a_regime_that_hangs_on_the_last_revolutions_is_none_yet(design, late, total, goes_on):
+    """A section that never repeats, of exponent 0 until its last 50 revolutions: measured on, up to
+    the limit."""
+    run = Run(design, (4.0, 3.0), Settings("3x16", transient=30, revolutions=300))
+    record = build_record(total, 0)
+    record.growth[:] = 0.0
+    record.growth[-50:] = np.resize([late + 0.9, late - 0.9], 50)
+    angle = np.sqrt(2.0) * np.arange(total)
+    record.section[:] = np.cos(angle[:, None] + np.arange(record.section.shape[1]))
+    run.records.append(record)
+    run.done = run.total = total
+    assert run.measured in (300, MOST_MEASURED * 300)
+    assert run._is_undecided() == goes_on
+
+
+def test_a_recorded_path_changes_nothing(design):
+    """A torus, measured on as its few revolutions tell nothing, and an orbit that settles."""
+    for mass, number, settings in (
+        (4.1, 2.4, Settings("3x16", transient=30, revolutions=60)),
+        (4.0, 3.0, Settings("3x16", transient=60, revolutions=300)),
+    ):
+        alone, kept = (
+            solve_point(design, mass, number, settings, path_revolutions=n) for n in (0, 55)
+        )
+        assert kept.regime == alone.regime and len(kept.trajectory.path) == 55
+        before = -55 if kept.trajectory.settled else None
+        section = kept.trajectory.section[:before]
+        count = min(len(section), len(alone.trajectory.section))
+        assert count > 10
+        assert np.abs(section[-count:] - alone.trajectory.section[-count:]).max() < 1e-3
 
 
 def test_paths_pass_through_the_section(design):
