@@ -68,13 +68,16 @@ def progress(at):
 
 @pytest.mark.parametrize("path", LIVE)
 def test_what_is_known_comes_first_and_the_solve_takes_its_place(path, compiler, own_jobs):
-    at = page(path, **POINT, beside="True", what_tab="Two designs")
+    # the other design of What if would whirl with 18 kg, on a finer mesh and its kernels
+    point = POINT | ({"rotor_mass": "0.1"} if "What_if" in path else {})
+    at = page(path, **point, beside="True", what_tab="Two designs")
     m = load_reference_map()
-    cell = m.nearest(18.0, 4.5)
+    mass = float(point["rotor_mass"])
+    cell = m.nearest(mass, 4.5)
     told = known(at)
     assert all(
-        f"the cell nearest to it (Λ 4.5, 18 kg): {m.cell_text(*cell)} per revolution, largest "
-        f"eccentricity {m.max_eccentricity[cell]:.3f}"
+        f"the cell nearest to it (Λ 4.5, {mass:g} kg): {m.cell_text(*cell)} per revolution, "
+        f"largest eccentricity {m.max_eccentricity[cell]:.3f}"
         in text
         and "Predicted" in text
         and "90% interval" in text
