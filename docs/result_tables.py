@@ -5,11 +5,15 @@ from pathlib import Path
 
 import pandas as pd
 
-from spab_core.active_learning.learning_curve import LEARNING_CURVE, load_learning_curve, summary
+from spab_core.active_learning.learning_curve import (
+    COMMITTEE,
+    LEARNING_CURVE,
+    load_learning_curve,
+    summary,
+)
 from spab_core.common.files import write_atomically
 from spab_core.common.words import small
 from spab_core.shipped.manifest import (
-    ARTIFACTS,
     BLOCK_CLASSIFIERS,
     BLOCK_SCORES,
     CLASSIFIERS,
@@ -17,6 +21,8 @@ from spab_core.shipped.manifest import (
     FLOORED_SCORES,
     SCORES,
     UNCERTAINTY,
+    checked_path,
+    load_reference_scores,
 )
 from spab_core.surrogates.classifier import LABELS
 from spab_core.surrogates.models import MODELS
@@ -27,9 +33,14 @@ FRACTIONS = ("n/2", "n/4", "n/8")
 Rows = Iterator[list[str]]
 
 
-def read(name: str) -> pd.DataFrame:
-    """Return a shipped table of scores."""
-    return pd.read_csv(ARTIFACTS / name)
+def percent(share: float) -> str:
+    """Return a share in percent, to a tenth."""
+    return f"{100.0 * share:.1f} %"
+
+
+def number(value: float) -> str:
+    """Return a number to three decimals."""
+    return f"{value:.3f}"
 
 
 def model_words(name: str) -> str:
@@ -41,7 +52,7 @@ def model_words(name: str) -> str:
 
 def errors(name: str) -> Rows:
     """Yield a row for each model, the best first: RMSE ± standard deviation, averages."""
-    scores = read(name)
+    scores = load_reference_scores(name=name)
     rmse, mae = (table(scores, f"{metric}_held_out") for metric in ("rmse", "mae"))
     deviation = spread(scores, "rmse_held_out")
     for model in rmse.loc["Average"].sort_values().index:
@@ -52,47 +63,46 @@ def errors(name: str) -> Rows:
 
 def block_errors(name: str) -> Rows:
     """Yield a row for each model from n/4, the best first: errors in withheld rectangles."""
-    scores = read(name)
+    scores = load_reference_scores(name=name)
     means = scores[scores["divisor"] == 4].groupby("model").mean(numeric_only=True)
     for model, row in means.sort_values("rmse_held_out").iterrows():
         yield [
             model_words(str(model)),
-            f"{row['rmse_held_out']:.3f}",
-            f"{row['mae_held_out']:.3f}",
-            f"{row['regime_accuracy']:.1%}".replace("%", " %"),
-            f"{row['chaos_f1']:.3f}",
+            number(row["rmse_held_out"]),
+            number(row["mae_held_out"]),
+            percent(row["regime_accuracy"]),
+            number(row["chaos_f1"]),
         ]
 
 
 def uncertainty() -> Rows:
     """Yield the scores of intervals and of the classifier of regimes behind them."""
-    means = read(UNCERTAINTY).groupby("divisor").mean(numeric_only=True)
+    scores = pd.read_csv(checked_path(UNCERTAINTY))
+    means = scores.groupby("divisor").mean(numeric_only=True)
     for words, column, form, goal in (
-        ("regime accuracy", "classifier_accuracy", "{:.1%}", "95 % at n/4"),
-        ("F1 of chaos", "classifier_chaos_f1", "{:.3f}", "0.95 at n/4"),
-        ("coverage", "coverage", "{:.1%}", "90 ± 1 %"),
-        ("in periodic cells", "coverage_periodic", "{:.1%}", "85 %"),
-        ("in quasi-periodic cells", "coverage_quasi-periodic", "{:.1%}", "85 %"),
-        ("in chaotic cells", "coverage_chaotic", "{:.1%}", "85 %"),
-        ("in undecided cells", "coverage_undecided", "{:.1%}", "85 %"),
-        ("median width, per revolution", "width", "{:.3f}", ""),
-        ("expected calibration error, ten bins", "calibration_error", "{:.3f}", ""),
+        ("regime accuracy", "classifier_accuracy", percent, "95 % at n/4"),
+        ("F1 of chaos", "classifier_chaos_f1", number, "0.95 at n/4"),
+        ("coverage", "coverage", percent, "90 ± 1 %"),
+        ("in periodic cells", "coverage_periodic", percent, "85 %"),
+        ("in quasi-periodic cells", "coverage_quasi-periodic", percent, "85 %"),
+        ("in chaotic cells", "coverage_chaotic", percent, "85 %"),
+        ("in undecided cells", "coverage_undecided", percent, "85 %"),
+        ("median width, per revolution", "width", number, ""),
+        ("expected calibration error, ten bins", "calibration_error", number, ""),
     ):
-        values = [form.format(means.loc[k, column]).replace("%", " %") for k in (2, 4, 8)]
-        yield [words, *values, goal]
+        yield [words, *(form(means.loc[k, column]) for k in (2, 4, 8)), goal]
 
 
 def classifiers(labels: str, best: str, worst: str) -> Rows:
     """Yield how well a classifier does, at random and in withheld rectangles."""
     kind = LABELS[labels]
-    found = pd.concat([classifier_table(read(n), kind) for n in (CLASSIFIERS, BLOCK_CLASSIFIERS)])
-    found = found.iloc[[k for k, name in enumerate(found.index) if name in FRACTIONS]]
-    rows = [row for _, row in found.iterrows()]
+    scores = [load_reference_scores(name=name) for name in (CLASSIFIERS, BLOCK_CLASSIFIERS)]
+    found = [classifier_table(one, kind) for one in scores]
+    rows = [one.loc[fraction] for one in found for fraction in FRACTIONS]
     yield [
         f"called {best}, is not",
         *(
-            f"{r['unsafe_share']:.1%}".replace("%", " %")
-            + f" ({r['unsafe']:.0f} of {r['called_best']:,.0f})"
+            f"{percent(r['unsafe_share'])} ({r['unsafe']:.0f} of {r['called_best']:,.0f})"
             for r in rows
         ),
     ]
@@ -101,7 +111,7 @@ def classifiers(labels: str, best: str, worst: str) -> Rows:
     words = {"watch": "to be watched", "avoid": "to be avoided"}
     told |= {f"recall_{k}": f"right of {words.get(k, k)}" for k in kind.values}
     for column, text in told.items():
-        yield [text, *(f"{r[column]:.1%}".replace("%", " %") for r in rows)]
+        yield [text, *(percent(r[column]) for r in rows)]
 
 
 def with_spread(mean: float, deviation: float) -> str:
@@ -115,7 +125,7 @@ def chosen() -> Rows:
     curve = load_learning_curve(LEARNING_CURVE)
     means, counts = summary(curve), curve.groupby("divisor")["solved"].max()
     for divisor in sorted(counts.index, reverse=True):
-        rows = [means.loc[(strategy, "committee", divisor)] for strategy in ("refine", "random")]
+        rows = [means.loc[(strategy, COMMITTEE, divisor)] for strategy in ("refine", "random")]
         yield [
             f"n/{divisor} ({counts[divisor]:,})",
             *(with_spread(*r[metric]) for metric in ("rmse", "chaos_f1") for r in rows),

@@ -2,6 +2,7 @@
 sessions).
 """
 
+import importlib.util
 import os
 import shutil
 from pathlib import Path
@@ -75,6 +76,14 @@ def pytest_collection_modifyitems(items):
 
 
 ROOT = Path(__file__).resolve().parent.parent
+
+
+def load_script(path):
+    """Return a script of docs/ or benchmarks/ as a module, run anew; ``path`` from the top."""
+    spec = importlib.util.spec_from_file_location(Path(path).stem, ROOT / path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -53,7 +53,8 @@ class TheoryTrees(RegressorMixin, BaseEstimator):
         mass in kg, and exponents y (n,).
         """
         number, features, linear = self._prepare(X)
-        # rounded: of splits alike in all but the last bits every processor takes the same one
+        # to single precision: the last bits, which differ between processors, would pick among
+        # splits that are alike in all others
         return features, ((y - linear) * number).astype(np.float32).astype(float)
 
     def fit(self, X: np.ndarray, y: np.ndarray) -> TheoryTrees:

@@ -89,8 +89,8 @@ PER_SWING = 12
 # columns of rotor states, and of a journal that moves along the axis
 STATE = ("X2", "Y2", "X1", "Y1", "X2_dot", "Y2_dot", "X1_dot", "Y1_dot")
 ALONG = ("Z", "Z_dot")
-# last revolutions of a run without a check: recording paths there must not change where the run
-# stops
+# last revolutions of a run: without a check, as recording paths there must not change where the run
+# stops; a regime that they alone give or take is none yet
 _ATTENTION = 50
 # times the revolutions asked for, over which a motion is measured that has no regime yet
 MOST_MEASURED = 4
@@ -369,7 +369,9 @@ class Run:
         self.steps_a_revolution = 0.0
 
     def solve(self) -> Trajectory:
-        """Run until settled or decided or to the end, refine the rate, record the path."""
+        """Run until settled or decided or to the end; refine the rate; record the path of what
+        settled.
+        """
         self.run_to_end()
         while self._is_undecided():
             self.total += self.settings.revolutions
@@ -493,7 +495,7 @@ class Run:
                 self._check()
 
     def _is_undecided(self) -> bool:
-        """Whether the motion has no regime yet, or one that hangs on the last :data:`_ATTENTION`
+        """Whether the motion has no regime yet, with or without its last :data:`_ATTENTION`
         revolutions, and may be measured for longer: up to :data:`MOST_MEASURED` times the
         revolutions asked for.
         """

@@ -94,8 +94,9 @@ def test_what_is_known_comes_first_and_the_solve_takes_its_place(path, compiler,
     compiler()
     until_done(at)  # intervals of the surrogate, too
     assert not at.exception and not known(at) and not progress(at)
+    expected = ("not recommended",) if "What_if" in path else ("haotic", "olved live")
     assert any(
-        any(words in e.value for words in ("haotic", "olved live", "not recommended"))
+        any(words in e.value for words in expected)
         for e in (*at.error, *at.warning, *at.success, *at.info, *at.caption)
     )
 

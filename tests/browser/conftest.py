@@ -1,10 +1,8 @@
 """What browser tests share: the tools that also take the pictures of docs/, and where theirs go."""
 
-import importlib.util
-
 import pytest
 
-from tests.conftest import ROOT
+from tests.conftest import ROOT, load_script
 
 OUTPUT = ROOT / "test-output"
 
@@ -12,10 +10,7 @@ OUTPUT = ROOT / "test-output"
 @pytest.fixture(scope="session")
 def tools():
     """docs/take_pictures.py as a module: a server of its own, pages in Chromium."""
-    path = ROOT / "docs" / "take_pictures.py"
-    spec = importlib.util.spec_from_file_location("take_pictures", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    module = load_script("docs/take_pictures.py")
     OUTPUT.mkdir(exist_ok=True)
     return module
 

@@ -7,7 +7,6 @@ the step."""
 
 import csv
 import dataclasses
-import importlib.util
 import math
 
 import numpy as np
@@ -23,11 +22,9 @@ from spab_core.linear_theory.modes import rotor_modes
 from spab_core.solver.film import Mesh
 from spab_core.solver.stepping import DEFAULT_TOLERANCE, STATUS
 from spab_core.trajectory.run import THIN
-from tests.conftest import ROOT, quiet
+from tests.conftest import ROOT, load_script, quiet
 
-_spec = importlib.util.spec_from_file_location("honesty", ROOT / "benchmarks" / "honesty.py")
-honesty = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(honesty)
+honesty = load_script("benchmarks/honesty.py")
 CASES = range(60, 80)  # some of them fail
 KEPT = ROOT / "tests" / "physics" / "honesty_cases.csv"
 SLOW = ("94", "634")  # ten seconds and more

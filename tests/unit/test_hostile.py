@@ -5,7 +5,6 @@
 import argparse
 import contextlib
 import dataclasses
-import importlib.util
 import io
 import json
 import os
@@ -34,7 +33,7 @@ from spab_core.design.model import (
 from spab_core.jobs import store as jobs
 from spab_core.maps.stability_map import FIELDS, StabilityMap, load_map, save_map
 from spab_core.shipped.manifest import load_reference_map
-from tests.conftest import ROOT
+from tests.conftest import ROOT, load_script
 
 NUMBERS = [
     "nan",
@@ -156,10 +155,8 @@ LEAST = {
 
 def watch():
     cpu_count(only_physical_cores=True)  # asks lscpu once, then it is known
-    spec = importlib.util.spec_from_file_location("fuzz", ROOT / "benchmarks" / "fuzz.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.Watch(unpickling=False)  # numba's own cache of kernels
+    fuzz = load_script("benchmarks/fuzz.py")
+    return fuzz.Watch(unpickling=False)  # numba's own cache of kernels
 
 
 def commands(parser, path=()):
