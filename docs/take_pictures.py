@@ -25,6 +25,16 @@ def free_port():
         return s.getsockname()[1]
 
 
+def until_up(address):
+    """Wait until a server answers, half a minute at most."""
+    for _ in range(300):
+        try:
+            urllib.request.urlopen(f"{address}/_stcore/health", timeout=1).close()
+            break
+        except OSError:
+            time.sleep(0.1)
+
+
 @contextmanager
 def server(
     script="app.py", root=ROOT, log=subprocess.DEVNULL, python=sys.executable, **environment
@@ -42,12 +52,7 @@ def server(
         env=os.environ | {"PYTHONPATH": str(root)} | environment,
     )
     try:
-        for _ in range(300):
-            try:
-                urllib.request.urlopen(f"http://127.0.0.1:{port}/_stcore/health", timeout=1).close()
-                break
-            except OSError:
-                time.sleep(0.1)
+        until_up(f"http://127.0.0.1:{port}")
         yield process, port
     finally:
         process.terminate()

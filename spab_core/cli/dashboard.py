@@ -67,7 +67,11 @@ def _dashboard(args: Namespace) -> Answer:
         "server.address": args.address,
         "server.port": args.port,
         "server.headless": str(args.headless).lower(),
+        # no offer over the inputs to install tools for writers of apps
+        "logger.hideWelcomeMessage": "true",
     }
+    host = f"[{args.address}]" if ":" in args.address else args.address
+    print(f"The dashboard: http://{host}:{args.port} (Ctrl+C ends it)", flush=True)
     main(
         ["run", str(HOME / "app.py"), *(f"--{key}={value}" for key, value in options.items())],
         standalone_mode=False,
