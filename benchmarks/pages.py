@@ -307,12 +307,18 @@ async def first_margins(address):
             page, took = await context.new_page(), []
             began = time.perf_counter()
             await page.goto(f"{address}/?{query}")
+            # looked for four times a second: at each frame it would take a core of its own
             for there in (
-                page.get_by_text("Solved live"),
-                page.get_by_text("Solved margin:").first,
-                page.get_by_text("All limits, and what was not looked at"),
+                "Solved live",
+                "Solved margin:",
+                "All limits, and what was not looked at",
             ):
-                await there.wait_for(timeout=120_000)
+                await page.wait_for_function(
+                    "words => document.body.innerText.includes(words)",
+                    arg=there,
+                    timeout=120_000,
+                    polling=250,
+                )
                 took.append(time.perf_counter() - began)
             headline = await page.get_by_text("Solved margin:").first.inner_text()
             print(

@@ -13,6 +13,7 @@ npz                  NPZ files: written the same to the byte, read with care
 paths                Where the dashboard, the shipped files and the documents lie
 private_folders      Folders of this user alone
 processes            Worker processes end with the one that started them
+workers              Worker processes of low priority that stay for the next call
 source_hash          A hash of source code by what it does
 threads              How many threads linear algebra may use
 """

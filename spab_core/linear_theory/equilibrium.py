@@ -25,7 +25,7 @@ from spab_core.solver.film import (
     with_wall,
 )
 from spab_core.solver.rotor import CENTRE
-from spab_core.solver.slope import slope_and_jacobian
+from spab_core.solver.slope import build_work, slope_and_jacobian
 from spab_core.solver.system import System, build_system
 
 LIFTED = 0.1  # largest share of the weight that the wall carries under a rotor that has lifted off
@@ -202,7 +202,8 @@ def axial_stiffness(
     offset: float = 0.0,
     mesh: Mesh = AUTO,
 ) -> float:
-    """Static axial stiffness of a sphere's film, by central differences of the steady film's force.
+    """Static axial stiffness of a sphere's film: what its force changes by along the axis, the film
+    following steadily.
 
     Parameters
     ----------
@@ -224,20 +225,27 @@ def axial_stiffness(
     InputError
         Where no steady film was found.
     """
-    forces = []
-    for side in (-1.0, 1.0):
-        system = dense_system(
-            design, 1.0, bearing_number, mesh, offset + side * _SMALL
-        ).without_storage()
-        n = film_size(system.film)
-        start = np.zeros(system.size)
-        start[n : n + 2] = x, y
-        start[:n] = thickness(system.film, x, y).ravel()
-        state = steady_film(system, start)
-        if state is None:
-            raise InputError("no steady film was found beside the axial position; try a finer mesh")
-        forces.append(axial_force(system.film, film_array(system.film, state), x, y))
-    return (forces[0] - forces[1]) / (2.0 * _SMALL)
+    behind, system, ahead = (
+        dense_system(design, 1.0, bearing_number, mesh, offset + shift).without_storage()
+        for shift in (-_SMALL, 0.0, _SMALL)
+    )
+    n = film_size(system.film)
+    cells, start = np.arange(n), np.zeros(system.size)
+    start[n : n + 2] = x, y
+    start[:n] = thickness(system.film, x, y).ravel()
+    state = steady_film(system, start)
+    if state is None:
+        raise InputError("no steady film was found at the axial position; try a finer mesh")
+    # the steady film beside it, to first order: one step of Newton's method for both sides
+    change = [slope_and_jacobian(side, state, cells[:1])[0][:n] for side in (behind, ahead)]
+    jacobian = slope_and_jacobian(system, state, cells)[1][:n]
+    follow = np.zeros(system.size)
+    follow[:n] = np.linalg.solve(jacobian, 0.5 * (change[0] - change[1]))
+    before, after = (
+        axial_force(side.film, film_array(side.film, moved), x, y)
+        for side, moved in ((behind, state - follow), (ahead, state + follow))
+    )
+    return (before - after) / (2.0 * _SMALL)
 
 
 def concentric_state(system: System) -> np.ndarray:
@@ -266,8 +274,9 @@ def steady_film(system: System, state: np.ndarray) -> np.ndarray | None:
     film; None where it does not converge.
     """
     state, cells = state.copy(), np.arange(film_size(system.film))
+    work = build_work(system.film)
     for _ in range(_NEWTON_STEPS):
-        value, jacobian = slope_and_jacobian(system, state, cells)
+        value, jacobian = slope_and_jacobian(system, state, cells, work)
         step = np.linalg.solve(jacobian[cells], value[cells])
         fraction = 1.0
         while (state[cells] - fraction * step).min() <= 0.0:
@@ -432,8 +441,9 @@ def _newton(system: System, state: np.ndarray) -> np.ndarray | None:
     if system.film.slide and not system.rotor.axial_gravity:
         # the middle, by symmetry: the film may not hold the journal there, and Z is not to be found
         unknowns = unknowns[:-2]
+    work = build_work(system.film)
     for _ in range(_NEWTON_STEPS):
-        value, jacobian = slope_and_jacobian(system, state, unknowns)
+        value, jacobian = slope_and_jacobian(system, state, unknowns, work)
         try:
             step = np.linalg.solve(jacobian[unknowns], value[unknowns])
         except np.linalg.LinAlgError:

@@ -5,12 +5,14 @@ stiffness, damping, whirl.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from spab_core.common.errors import InputError
 from spab_core.common.threads import one_thread
 from spab_core.common.words import capital
 from spab_core.design.form import grade_of_eccentricity
@@ -165,9 +167,8 @@ class Derived:
         Lightly damped vibrations, the least damped first.
     axial_offset : float
         Static axial displacement over C, along +z; 0 without an axial load.
-    axial_stiffness : float or None
-        N/m, static, at that position, the journal held radially; None of a cylinder, which has
-        none.
+    held : tuple or None
+        Design and radial position over C, of which :attr:`axial_stiffness` is; None of a cylinder.
     axial : Whirl or None
         Where the journal moves along the axis: its least stable vibration along it, or a drift that
         does not oscillate, of ratio 0; None where it is held.
@@ -213,7 +214,7 @@ class Derived:
     whirl: Whirl | None = None
     modes: tuple[Mode, ...] = ()
     axial_offset: float = 0.0
-    axial_stiffness: float | None = None
+    held: tuple[Design, float, float] | None = None
     axial: Whirl | None = None
     axial_modes: tuple[Mode, ...] = ()
     conical: Whirl | None = None
@@ -223,6 +224,20 @@ class Derived:
     pore_gas_ratio: float | None = None
     penetration_depth: float | None = None
     quiet_growth: float | None = None
+
+    @functools.cached_property
+    def axial_stiffness(self) -> float | None:
+        """N/m, static, the journal held radially where it rests; None of a cylinder, which has
+        none, and where no steady film was found. Solved when asked for, as it takes long.
+        """
+        if self.held is None:
+            return None
+        design, x, y = self.held
+        try:
+            found = axial_stiffness(design, self.bearing_number, x, y, self.axial_offset)
+        except InputError:
+            return None
+        return found * design.stiffness_unit
 
     @property
     def leading(self) -> tuple[str, Whirl] | None:
@@ -469,9 +484,7 @@ def derive(
         whirl=_whirl(modes, rpm),
         modes=lightly_damped(modes),
         axial_offset=film.offset,
-        axial_stiffness=None
-        if b.cylindrical
-        else axial_stiffness(design, bearing_number, x, y, film.offset) * design.stiffness_unit,
+        held=None if b.cylindrical else (design, x, y),
         axial=axial,
         axial_modes=lightly_damped(along),
         conical=_whirl(conical, rpm),

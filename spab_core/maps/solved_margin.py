@@ -15,7 +15,7 @@ import dataclasses
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent import futures
 from contextlib import nullcontext
 from dataclasses import dataclass, field
@@ -96,6 +96,7 @@ _OF_MOTION = _REGIMES | {
 _OF_REST = frozenset({RESONANCE, NOT_LIFTED, UNSTABLE, LIGHTLY_DAMPED, OUTSIDE})
 _ROUGH = _REGIMES | _OF_REST | {UNDECIDED, LARGE_ORBIT}
 Progress = Callable[[int], None]
+_Runs = list["futures.Future[Found]"]
 
 
 class Found(NamedTuple):
@@ -417,6 +418,14 @@ def _look_at(
     return _look(solve_point(design, rotor_mass, bearing_number, settings), limits, starts)
 
 
+def _look_here(
+    design: Design, rotor_mass: float, bearing_number: float, settings: Settings, limits: Limits
+) -> Found:
+    """Judge the operating point itself: its other motion counts even where it is to be avoided."""
+    found = _look_at(design, rotor_mass, bearing_number, settings, limits)
+    return found.with_beside(found.point.beside)
+
+
 def _ends(found: Found) -> list[np.ndarray]:
     """Return the last states of the motions of a point, that beside the one from rest first."""
     runs = (found.beside, found.point)
@@ -445,12 +454,23 @@ class Side:
     line : Line
     at : float
         The operating point's value: rpm, kg, or the factor 1.
-    here : Found
+    point : tuple
+        The operating point: design, rotor mass in kg and bearing number.
+
+    Attributes
+    ----------
+    found : dict of Found
+        By value; the operating point's own belongs there before anything is asked.
     """
 
-    def __init__(self, line: Line, at: float, here: Found) -> None:
-        self.line, self.at, self.here = line, at, here
-        self.found = {at: here}  # by value
+    def __init__(self, line: Line, at: float, point: tuple[Design, float, float]) -> None:
+        self.line, self.at, self.point = line, at, point
+        self.found: dict[float, Found] = {}
+
+    @property
+    def here(self) -> Found:
+        """What is known of the operating point."""
+        return self.found[self.at]
 
     def grid(self) -> list[float]:
         """Return the values to be solved first."""
@@ -464,14 +484,16 @@ class Side:
 
     def place(self, value: float) -> tuple[float, float]:
         """Return rotor mass and bearing number of a value."""
-        point, (mass, speed) = self.here.point, DIRECTIONS[self.line.axis][self.line.direction]
-        if self.line.axis == "mass":
-            return value, point.bearing_number
-        if self.line.axis == "speed":
-            return point.rotor_mass, nearest_bearing_number(point.design, value)
+        design, rotor_mass, number = self.point
+        axis, direction = self.line.axis, self.line.direction
+        if axis == "mass":
+            return value, number
+        if axis == "speed":
+            return rotor_mass, nearest_bearing_number(design, value)
+        mass, speed = DIRECTIONS[axis][direction]
         return (
-            _within(point.rotor_mass * value**mass, ROTOR_MASS_RANGE),
-            _within(point.bearing_number * value**speed, BEARING_NUMBER_RANGE),
+            _within(rotor_mass * value**mass, ROTOR_MASS_RANGE),
+            _within(number * value**speed, BEARING_NUMBER_RANGE),
         )
 
     def starts(self, value: float) -> list[np.ndarray]:
@@ -517,12 +539,13 @@ class Side:
     def limits(self) -> list[Limit]:
         """Return the first change of each kind."""
         told = []
+        design, rotor_mass, bearing_number = self.point
         for kind, (near, far) in self.brackets().items():
             begins = kind not in self.here.kinds
             value = 0.5 * (near + far)
             there = self.found[far] if begins else self.here
-            (mass, number), point = self.place(value), self.here.point
-            changes = mass / point.rotor_mass - 1.0, number / point.bearing_number - 1.0
+            mass, number = self.place(value)
+            changes = mass / rotor_mass - 1.0, number / bearing_number - 1.0
             told.append(
                 Limit(
                     self.line.axis,
@@ -535,7 +558,7 @@ class Side:
                     there.kinds[kind],
                     value / self.at - 1.0,
                     mass,
-                    point.design.speed_rpm(number),
+                    design.speed_rpm(number),
                     math.hypot(*changes),
                     _detail(kind, there),
                 )
@@ -577,6 +600,7 @@ def solve_margin(
     points: int = POINTS,
     span: tuple[float, float] = SPAN,
     precision: float = PRECISION,
+    axes: Collection[str] = tuple(DIRECTIONS),
     workers: int = 1,
     pool: futures.Executor | None = None,
     progress: Progress | None = None,
@@ -601,6 +625,8 @@ def solve_margin(
     precision : float
         Largest width of a limit's bracket, over its value; ten times that for regimes, orbits and
         trouble at rest between two points that rub or fail.
+    axes : collection of str
+        Of :data:`DIRECTIONS`: along which to look.
     workers : int
         Processes.
     pool : Executor, optional
@@ -621,11 +647,11 @@ def solve_margin(
     check_point(rotor_mass, bearing_number)
     check_solved_margin(points, precision)
     settings = settings or Settings()
-    point = solve_point(design, rotor_mass, bearing_number, settings)
-    here = _look(point, limits).with_beside(point.beside)
-    sides = _sides(point, points, span, here)
+    where = design, rotor_mass, bearing_number
+    sides = [side for side in _sides(where, points, span) if side.line.axis in axes]
 
     with executor(workers, settings, design) if pool is None else nullcontext(pool) as solvers:
+        opening = solvers.submit(_look_here, *where, settings, limits)
 
         def start(side: Side, value: float, starts: Iterable[np.ndarray]) -> futures.Future[Found]:
             place = side.place(value)
@@ -634,19 +660,22 @@ def solve_margin(
                 run.add_done_callback(lambda _: progress(1))
             return run
 
-        def solve(wanted: list[tuple[Side, float]], carried: bool) -> None:
-            runs = [(s, v, start(s, v, s.starts(v) if carried else ())) for s, v in wanted]
-            for side, value, run in runs:
-                side.found[value] = run.result()
+        def solve(side: Side, values: list[float], carried: bool) -> Iterator[_Runs]:
+            """Solve the values, then middles of brackets until they are narrow."""
+            while values:
+                runs = [start(side, v, side.starts(v) if carried else ()) for v in values]
+                yield [opening, *runs]
+                side.found.setdefault(side.at, opening.result())
+                side.found.update(zip(values, (run.result() for run in runs), strict=True))
+                values = side.middles(precision)
+            side.found.setdefault(side.at, opening.result())
 
-        solve([(side, value) for side in sides for value in side.grid()], False)
-        while wanted := [(side, value) for side in sides for value in side.middles(precision)]:
-            solve(wanted, False)
+        # each line goes on as its own points are there: a slow one elsewhere keeps none waiting
+        _together(solve(side, side.grid(), False) for side in sides)
         here = _carry_on_all(solvers, sides)
-        while wanted := [(side, value) for side in sides for value in side.middles(precision)]:
-            solve(wanted, True)
+        _together(solve(side, side.middles(precision), True) for side in sides)
     return SolvedMargin(
-        point,
+        here.point,
         here.kinds,
         tuple(sorted((x for side in sides for x in side.limits()), key=lambda x: x.distance)),
         tuple(side.line for side in sides),
@@ -657,11 +686,28 @@ def solve_margin(
     )
 
 
+def _together(tasks: Iterable[Iterator[_Runs]]) -> None:
+    """Run tasks side by side, each of which yields the runs that it waits for."""
+    waiting: list[tuple[Iterator[_Runs], _Runs]] = [(task, []) for task in tasks]
+    while waiting:
+        left = []
+        for task, runs in waiting:
+            waits_for: _Runs | None = runs
+            while waits_for is not None and all(run.done() for run in waits_for):
+                waits_for = next(task, None)
+            if waits_for is not None:
+                left.append((task, waits_for))
+        waiting = left
+        undone = [run for _, runs in waiting for run in runs if not run.done()]
+        futures.wait(undone, return_when=futures.FIRST_COMPLETED)
+
+
 def _sides(
-    point: OperatingPoint, points: int, span: tuple[float, float], here: Found
+    where: tuple[Design, float, float], points: int, span: tuple[float, float]
 ) -> list[Side]:
-    mass, rpm = point.rotor_mass, point.design.speed_rpm(1.0)
-    speed = point.bearing_number * rpm
+    design, mass, number = where
+    rpm = design.speed_rpm(1.0)
+    speed = number * rpm
     speeds = (BEARING_NUMBER_RANGE[0] * rpm, BEARING_NUMBER_RANGE[1] * rpm)
     both = max(span[0], SPAN_BOTH[0]), min(span[1], SPAN_BOTH[1])
     sides = []
@@ -681,7 +727,7 @@ def _sides(
             line = Line(
                 axis, direction, at * factor, count if moves else 0, spacing if moves else 0.0
             )
-            sides.append(Side(line, at, here))
+            sides.append(Side(line, at, where))
     return sides
 
 
@@ -704,5 +750,5 @@ def _carry_on_all(pool: futures.Executor, sides: list[Side]) -> Found:
             side.found.update(zip(values, found, strict=True))
         here = here if here.beside else here.with_beside(line[len(below)].beside)
     for side in sides:
-        side.here = side.found[side.at] = here
+        side.found[side.at] = here
     return here

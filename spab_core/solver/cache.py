@@ -124,6 +124,11 @@ def choose() -> None:
     numba.config.CACHE_DIR = str(folder)
 
 
+def folder_for_others() -> dict[str, str]:
+    """Return the environment in which another process takes the folder of this one."""
+    return {"NUMBA_CACHE_DIR": str(Path(numba.config.CACHE_DIR).parent)}
+
+
 def is_kept(dispatcher: Any, *arguments: object) -> bool:
     """Whether a kernel need not be compiled for such arguments: it is loaded, or numba's cache has
     it for this processor.

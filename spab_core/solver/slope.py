@@ -452,9 +452,11 @@ def error_norm(system, work, new, error):
 
 
 def slope_and_jacobian(
-    system: System, state: np.ndarray, columns: np.ndarray
+    system: System, state: np.ndarray, columns: np.ndarray, work: Work | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Slope and its derivative with respect to the states at ``columns``, by the compiled tangent.
+
+    ``work`` saves a new one of :func:`build_work` to who calls often.
 
     Returns
     -------
@@ -468,7 +470,7 @@ def slope_and_jacobian(
     """
     n = len(state)
     out, transposed = np.zeros(n), np.empty((len(columns), n))
-    if not fill_jacobian(system, state, columns, build_work(system.film), out, transposed):
+    if not fill_jacobian(system, state, columns, work or build_work(system.film), out, transposed):
         raise ValueError("the journal is outside the clearance")
     return out, transposed.T
 

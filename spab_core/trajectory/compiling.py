@@ -25,7 +25,7 @@ from spab_core.common.processes import end_with_parent, module_command
 from spab_core.design.model import Design, reference_design
 from spab_core.linear_theory.equilibrium import running_system
 from spab_core.linear_theory.summary import derive
-from spab_core.solver.cache import is_kept
+from spab_core.solver.cache import folder_for_others, is_kept
 from spab_core.solver.slope import build_work, fill_jacobian
 from spab_core.solver.stepping import Options, advance, build_memory, build_record
 from spab_core.trajectory.point import solve_point
@@ -101,8 +101,18 @@ def compile_once(settings: Settings = USUAL, design: Design | None = None) -> No
             # first: pages with linear theory alone need not wait for the rest
             derive(_like(design), 4.0, 3.0)
         if not is_compiled(settings, design):
-            short = dataclasses.replace(settings, transient=30, revolutions=20)
-            solve_point(_like(design), 4.0, 3.0, short)
+            _use_all(settings, design)
+
+
+def load() -> None:
+    """Load the usual kernels into this process, where need be after :func:`compile_once`."""
+    compile_once()
+    _use_all(USUAL, None)
+
+
+def _use_all(settings: Settings, design: Design | None) -> None:
+    short = dataclasses.replace(settings, transient=30, revolutions=20)
+    _ = solve_point(_like(design), 4.0, 3.0, short).rest
 
 
 def _ahead() -> tuple[Design, ...]:
@@ -125,15 +135,13 @@ class _Background:
     def __init__(self) -> None:
         self.began, self.failure, self.ended = time.monotonic(), "", threading.Event()
         command, environment = module_command("spab_core.trajectory.compiling", str(os.getpid()))
-        # where it finds the folder that this process has chosen
-        place = str(Path(numba.config.CACHE_DIR).parent)
         try:
             self.process = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
-                env=environment | {"NUMBA_CACHE_DIR": place},
+                env=environment | folder_for_others(),
             )
         except OSError as error:
             self._end(f"no process could be started: {error.strerror or error}")

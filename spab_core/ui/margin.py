@@ -5,27 +5,26 @@ kept.
 from __future__ import annotations
 
 import math
-import os
-import queue
-import sys
 import threading
 import time
 import traceback
 from collections import OrderedDict
 from collections.abc import Callable
 from concurrent import futures
-from contextlib import suppress
 from typing import Any, ParamSpec, TypeVar
 
+import joblib
 import streamlit as st
 
 from spab_core.common.errors import InputError
+from spab_core.common.workers import StandingWorkers
 from spab_core.design.model import Design
 from spab_core.maps.solved_margin import SolvedMargin, solve_margin
 from spab_core.plotting.margin import margin_figure
+from spab_core.solver.cache import folder_for_others
 from spab_core.trajectory.assessment import DEFAULT_LIMITS, Limits
+from spab_core.trajectory.compiling import compile_once, load
 from spab_core.ui.jobs import solves_unasked
-from spab_core.ui.pace import let_pages_first
 from spab_core.ui.plain_picture import plotly_wanted
 from spab_core.ui.solving import LIVE, waits_for_compiler
 from spab_core.ui.view import chosen_limits
@@ -33,29 +32,30 @@ from spab_core.ui.view import chosen_limits
 P = ParamSpec("P")
 T = TypeVar("T")
 USUAL = 220  # points of a margin, for its progress
-# what is looked at first: span, points to each side as near each other as all are, brackets
-NEAR, NEAR_POINTS, NEAR_PRECISION = (0.8, 1.25), 2, 0.01
+# what is looked at first: a short way, points as near each other as all are, rougher brackets
+NEAR: dict[str, Any] = {
+    "axes": ("speed", "mass"),
+    "span": (0.8, 1.25),
+    "points": 2,
+    "precision": 0.02,
+}
 _KEPT = 64
-_DELAY = 0.6  # seconds from the first sight of a point: who clicks on wants another one
-_LEFT = 20.0  # seconds without a page that looks at it, after which it is given up
+_LEFT = 8.0  # seconds without a page that looks at it, after which it is given up
 _EVERY = 0.5  # seconds between two looks
-_THREADS = min(2, os.cpu_count() or 1)
+_WORKERS = min(4, joblib.cpu_count())
 _LOOKED_AT = "_margin"  # the margin that the session looks at
 _ASKED = "_margins_asked"  # those whose button it pressed
 _Key = tuple[Design, float, float, Limits]  # of a point, and by which it is judged
 
 
-class _LeftError(Exception):
-    """No page waits for the margin any more."""
-
-
 class _Run(futures.Executor):
-    """A margin being solved on threads of their own, as long as a page looks at it."""
+    """A margin being solved by the workers, as long as a page looks at it."""
 
     def __init__(self, key: _Key, pool: futures.Executor, keep: Callable[[SolvedMargin], None]):
         self.solved, self.problem, self._pool = 0, "", pool
         self.near: SolvedMargin | None = None  # of the nearest trouble, told before all is solved
         self.wanted = time.monotonic()
+        self._pending: set[futures.Future[Any]] = set()
         self._thread = threading.Thread(target=self._solve, args=(key, keep), daemon=True)
         self._thread.start()
 
@@ -63,84 +63,49 @@ class _Run(futures.Executor):
     def ended(self) -> bool:
         return not self._thread.is_alive()
 
-    def _check(self) -> None:
-        if time.monotonic() - self.wanted > _LEFT:
-            raise _LeftError
+    @property
+    def _left(self) -> bool:
+        return time.monotonic() - self.wanted > _LEFT
+
+    def leave(self) -> None:
+        """Give up: no page waits any more."""
+        self.wanted = -math.inf
+        pending, self._pending = self._pending, set()
+        for call in pending:
+            call.cancel()
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> futures.Future[T]:
-        """Solve on one of the threads; raises where nobody waits any more."""
+        """Have a worker make the call; raises ``CancelledError`` where nobody waits any more."""
+        if self._left:
+            raise futures.CancelledError
+        call = self._pool.submit(fn, *args, **kwargs)
+        self._pending.add(call)
+        call.add_done_callback(self._done)
+        return call
 
-        def call() -> T:
-            self._check()
-            return fn(*args, **kwargs)
-
-        self._check()
-        return self._pool.submit(call)
+    def _done(self, call: futures.Future[Any]) -> None:
+        self._pending.discard(call)
+        if self._left and self._pending:
+            self.leave()
 
     def _progress(self, count: int) -> None:
         self.solved += count
 
     def _solve(self, key: _Key, keep: Callable[[SolvedMargin], None]) -> None:
-        step_back()
-        time.sleep(_DELAY)
         try:
             design, mass, number, limits = key
-            self.near = solve_margin(
-                design,
-                mass,
-                number,
-                LIVE,
-                limits,
-                points=NEAR_POINTS,
-                span=NEAR,
-                precision=NEAR_PRECISION,
-                pool=self,
-            )
+            compile_once(LIVE, design)  # before several workers would at once
+            self.near = solve_margin(design, mass, number, LIVE, limits, pool=self, **NEAR)
             keep(
                 solve_margin(design, mass, number, LIVE, limits, pool=self, progress=self._progress)
             )
-        except _LeftError:
+        except futures.CancelledError:
             pass
         except InputError as error:
             self.problem = str(error)
         except Exception as error:  # told on the page
             traceback.print_exc()
             self.problem = f"the margin could not be solved: {type(error).__name__}: {error}"
-
-
-class _Threads(futures.Executor):
-    """Threads that give way to others, and do not keep the server from ending."""
-
-    def __init__(self, count: int) -> None:
-        self._calls: queue.SimpleQueue[tuple[futures.Future[Any], Callable[[], Any]]]
-        self._calls = queue.SimpleQueue()
-        for _ in range(count):
-            threading.Thread(target=self._work, daemon=True).start()
-
-    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> futures.Future[T]:
-        """Have a thread make the call."""
-        future: futures.Future[T] = futures.Future()
-        self._calls.put((future, lambda: fn(*args, **kwargs)))
-        return future
-
-    def _work(self) -> None:
-        step_back()
-        while True:
-            future, call = self._calls.get()
-            let_pages_first()
-            try:
-                future.set_result(call())
-            except BaseException as error:  # raised where the result is asked for
-                future.set_exception(error)
-
-
-def step_back() -> None:
-    """Let the calling thread give way to those that answer users; on Linux, where threads have
-    priorities of their own.
-    """
-    if sys.platform == "linux":
-        with suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 10)
 
 
 class _Store:
@@ -150,7 +115,8 @@ class _Store:
         self._found: OrderedDict[_Key, SolvedMargin] = OrderedDict()
         self._runs: dict[_Key, _Run] = {}
         self._lock = threading.Lock()
-        self._pool = _Threads(_THREADS)
+        self._pool = StandingWorkers(_WORKERS, load, folder_for_others())
+        self._pool.start()  # they are there when the first point has been solved
 
     def get(self, key: _Key) -> SolvedMargin | None:
         with self._lock:
@@ -166,7 +132,7 @@ class _Store:
         """A page that looked at a margin goes on to another."""
         with self._lock:
             if run := self._runs.get(key):
-                run.wanted = -math.inf
+                run.leave()
 
     def run(self, key: _Key) -> _Run:
         """Return the run of a margin, started if there is none, and that a page waits for it."""
@@ -238,17 +204,17 @@ def _wanted(key: _Key) -> bool:
 
 def _watch(key: _Key) -> None:
     """What a fragment shows of a margin at work; the whole page runs again once it has ended."""
+    if _store().get(key) is not None:
+        st.rerun()
     run = _store().run(key)
     if run.problem:
         st.error(run.problem)
         return
-    if _store().get(key) is not None:
-        st.rerun()
     if run.near:
         st.markdown(f"**{run.near.headline()}**")
         st.caption(
-            f"So far, looked at from {NEAR[0]:g} to {NEAR[1]:g} times speed and mass; the rest "
-            "follows."
+            "So far, looked at from {:g} to {:g} times speed and mass, each alone; both together "
+            "and the rest follow.".format(*NEAR["span"])
         )
     st.progress(
         min(run.solved / USUAL, 0.97),

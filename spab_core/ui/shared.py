@@ -52,7 +52,6 @@ from spab_core.trajectory.assessment import GRADE_WORDS, GRADES
 from spab_core.ui.drawn import drawn
 from spab_core.ui.memory import bound_memory, spare_lasting_objects
 from spab_core.ui.navigation import sidebar
-from spab_core.ui.pace import page_begins
 from spab_core.ui.plain_picture import want_plotly
 from spab_core.ui.running import running_jobs
 from spab_core.ui.view import open_view
@@ -65,7 +64,6 @@ def page_head(title: str) -> None:
 
     The view is opened (:mod:`spab_core.ui.view`).
     """
-    page_begins()
     compiling.start()
     bound_memory()
     spare_lasting_objects(title)

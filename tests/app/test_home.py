@@ -19,6 +19,7 @@ from spab_core.plotting.map import LAYERS, SURROGATE
 from spab_core.plotting.theme import CHOSEN
 from spab_core.shipped.manifest import load_reference_map
 from spab_core.surrogates.models import MODELS
+from spab_core.trajectory.assessment import Limits
 from spab_core.ui import margin as margin_panel
 from spab_core.ui import shared, solving
 from spab_core.ui.jobs import SOLVES
@@ -228,7 +229,7 @@ def test_a_margin_solves_itself_and_is_kept():
     while margin_panel.kept_margin(*key) is None:
         assert time.monotonic() < end
         at.run()  # a page that nobody looks at any more stops its margin
-        time.sleep(2.0)  # which waits while a page is drawn
+        time.sleep(1.0)
     at.run()
     assert not at.exception and not complaints(at)
 
@@ -243,6 +244,24 @@ def test_a_margin_solves_itself_and_is_kept():
     assert told() == [headline, words]
     at.number_input(key="rotor_mass").set_value(5.0).run()
     assert not told()
+
+
+def test_a_margin_that_has_ended_is_not_solved_again(monkeypatch):
+    """The fragment that watched it asks for the page, which shows it, and starts nothing."""
+    st.cache_resource.clear()
+    key = reference_design(), 4.52, 3.45, Limits()
+    margin_panel._store().keep(key, "a margin")
+
+    class PageRunsAgainError(Exception):
+        pass
+
+    def again():
+        raise PageRunsAgainError
+
+    monkeypatch.setattr(st, "rerun", again)
+    with pytest.raises(PageRunsAgainError):
+        margin_panel._watch(key)
+    assert not margin_panel._store()._runs
 
 
 def test_a_margin_is_solved_when_its_button_is_pressed(monkeypatch):

@@ -10,7 +10,7 @@ from spab_core.common.units import from_rpm
 from spab_core.design.model import reference_design
 from spab_core.maps.solved_margin import solve_margin
 from spab_core.trajectory.point import solve_point
-from spab_core.ui.margin import NEAR, NEAR_POINTS, NEAR_PRECISION
+from spab_core.ui.margin import NEAR
 from tests.browser.conftest import OUTPUT
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -57,9 +57,7 @@ def test_from_the_first_page_to_verdict_and_margin(chromium, tools, tmp_path, mo
         print(f"verdict after {seen:.1f} s, margin after {time.monotonic() - began:.1f} s")
         told = page.inner_text("[data-testid=stMain]")
         page.screenshot(path=OUTPUT / "my_machine.png")
-        near = solve_margin(
-            design, 4.0, number, points=NEAR_POINTS, span=NEAR, precision=NEAR_PRECISION
-        )
+        near = solve_margin(design, 4.0, number, **NEAR)
         assert near.headline() in told
         assert "Assumed, not typed: unbalance eccentricity 13 µm (G 22)" in told
         assert "No map of this design yet" in told and not page.locator(".heatmaplayer").count()

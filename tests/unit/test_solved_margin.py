@@ -120,6 +120,18 @@ def test_the_limits_of_a_fed_machine(machine):
     assert any("can be missed" in text for text in machine.sentences())
 
 
+def test_some_axes_alone_say_what_they_say_among_all():
+    """At 2 kg, Λ 1.5, a short way: what the others find does not reach into their limits."""
+    where = MACHINE, 2.0, 1.5
+    short = {"points": 2, "span": (0.8, 1.25), "precision": COARSE}
+    some, all_of_them = (
+        solve_margin(*where, **short, **more) for more in ({"axes": ("speed", "mass")}, {})
+    )
+    assert some.limits == tuple(x for x in all_of_them.limits if x.axis != "both")
+    assert {line.axis for line in some.lines} == {"speed", "mass"}
+    assert {line.axis for line in all_of_them.lines} == {"speed", "mass", "both"}
+
+
 @pytest.mark.slow
 def test_both_ends_of_a_bracket_are_what_they_are_said_to_be(machine):
     """Solved again on their own, without the margin's bookkeeping."""
