@@ -101,18 +101,19 @@ def compile_once(settings: Settings = USUAL, design: Design | None = None) -> No
             # first: pages with linear theory alone need not wait for the rest
             derive(_like(design), 4.0, 3.0)
         if not is_compiled(settings, design):
-            _use_all(settings, design)
+            _solve_shortly(settings, design)
 
 
 def load() -> None:
     """Load the usual kernels into this process, where need be after :func:`compile_once`."""
     compile_once()
-    _use_all(USUAL, None)
+    derive(_like(None), 4.0, 3.0)
+    _solve_shortly(USUAL)
 
 
-def _use_all(settings: Settings, design: Design | None) -> None:
+def _solve_shortly(settings: Settings, design: Design | None = None) -> None:
     short = dataclasses.replace(settings, transient=30, revolutions=20)
-    _ = solve_point(_like(design), 4.0, 3.0, short).rest
+    solve_point(_like(design), 4.0, 3.0, short)
 
 
 def _ahead() -> tuple[Design, ...]:
