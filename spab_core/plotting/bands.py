@@ -39,21 +39,24 @@ def add_grade_bands(figure: go.Figure, values: np.ndarray, found: Sequence[Band]
         if any(band.grade == grade for band in found):
             label = f"{GRADE_MARKS[grade]} {GRADE_WORDS[grade]}"
             add_legend_square(figure, label, GRADE_COLOURS[grade])
+    shapes, marks = [], []
     for band in found:
         low, high = float(edges[band.first]), float(edges[band.last + 1])
-        figure.add_shape(
-            type="rect",
-            x0=low,
-            x1=high,
-            xref="x",
-            y0=0,
-            y1=1,
-            yref="paper",
-            fillcolor=GRADE_COLOURS[band.grade],
-            opacity=0.22,
-            line_width=0,
-            layer="below",
-            name=band.grade,
+        shapes.append(
+            {
+                "type": "rect",
+                "x0": low,
+                "x1": high,
+                "xref": "x",
+                "y0": 0,
+                "y1": 1,
+                "yref": "paper",
+                "fillcolor": GRADE_COLOURS[band.grade],
+                "opacity": 0.22,
+                "line": {"width": 0},
+                "layer": "below",
+                "name": band.grade,
+            }
         )
         share = (high - low) / whole
         if share < _MARKED:
@@ -63,14 +66,19 @@ def add_grade_bands(figure: go.Figure, values: np.ndarray, found: Sequence[Band]
             words = f"{GRADE_WORDS[band.grade]}{band.why and ': '}{band.why}"
             room = int(share / _LETTER)
             text += f" {words if len(words) <= room else words[: room - 1] + '…'}"
-        figure.add_annotation(
-            x=0.5 * (low + high),
-            xref="x",
-            y=1.0,
-            yref="paper",
-            yanchor="top",
-            text=text,
-            hovertext=f"{GRADE_WORDS[band.grade]}{band.why and ': '}{band.why}",
-            showarrow=False,
-            font={"size": 11},
+        marks.append(
+            {
+                "x": 0.5 * (low + high),
+                "xref": "x",
+                "y": 1.0,
+                "yref": "paper",
+                "yanchor": "top",
+                "text": text,
+                "hovertext": f"{GRADE_WORDS[band.grade]}{band.why and ': '}{band.why}",
+                "showarrow": False,
+                "font": {"size": 11},
+            }
         )
+    # all at once: added one by one each is checked again with each that follows
+    figure.layout.shapes += tuple(go.layout.Shape(shape) for shape in shapes)
+    figure.layout.annotations += tuple(go.layout.Annotation(mark) for mark in marks)

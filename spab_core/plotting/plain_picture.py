@@ -79,18 +79,18 @@ def _line(trace: go.Scatter, x_range: Sequence[float], y_range: Sequence[float])
     """A line as an SVG path in thousandths of the axes."""
     x = 1000.0 * (np.asarray(trace.x, float) - x_range[0]) / (x_range[1] - x_range[0])
     y = 1000.0 * (y_range[1] - np.asarray(trace.y, float)) / (y_range[1] - y_range[0])
-    words, pen, last = [], "M", None
-    for a, b in zip(x, y, strict=True):
-        if np.isnan(a) or np.isnan(b):
-            pen = "M"
-            continue
-        here = f"{a:.0f} {b:.0f}"
-        if pen == "M" or here != last:
-            words.append(pen + here)
-        pen, last = "L", here
+    there = ~(np.isnan(x) | np.isnan(y))
+    places = np.rint(np.column_stack([x, y])[there]).astype(int)
+    begins = there & ~np.append(False, there[:-1])
+    pens = begins[there]
+    moves = np.append(True, (np.diff(places, axis=0) != 0).any(axis=1))[: len(places)]
+    drawn = pens | moves
+    # one formatting of all: a curve has thousands of points
+    path = "".join(np.where(pens[drawn], "M%d %d", "L%d %d").tolist())
+    path %= tuple(places[drawn].ravel().tolist())
     dash = ' stroke-dasharray="9"' if trace.line.dash == "dash" else ""
     return (
-        f'<path d="{"".join(words)}" fill="none" stroke="{trace.line.color}" '
+        f'<path d="{path}" fill="none" stroke="{trace.line.color}" '
         f'stroke-width="{trace.line.width}"{dash} '
         'vector-effect="non-scaling-stroke"/>'
     )
