@@ -132,7 +132,7 @@ class StandingWorkers(futures.Executor):
             worker.stdin.write(call)
             worker.stdin.flush()
             ok, answer = pickle.load(worker.stdout)
-        except (OSError, EOFError, pickle.UnpicklingError) as error:
+        except Exception as error:  # what follows in its output is not known then
             raise RuntimeError(f"a worker process ended with code {_end(worker)}") from error
         return ok, answer
 

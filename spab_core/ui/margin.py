@@ -4,6 +4,7 @@ kept.
 
 from __future__ import annotations
 
+import functools
 import math
 import threading
 import time
@@ -108,6 +109,12 @@ class _Run(futures.Executor):
             self.problem = f"the margin could not be solved: {type(error).__name__}: {error}"
 
 
+@functools.cache
+def _workers() -> StandingWorkers:
+    """The processes that solve margins, of all users."""
+    return StandingWorkers(_WORKERS, load, folder_for_others())
+
+
 class _Store:
     """The last margins solved, of all sessions, and those being solved."""
 
@@ -115,8 +122,6 @@ class _Store:
         self._found: OrderedDict[_Key, SolvedMargin] = OrderedDict()
         self._runs: dict[_Key, _Run] = {}
         self._lock = threading.Lock()
-        self._pool = StandingWorkers(_WORKERS, load, folder_for_others())
-        self._pool.start()  # they are there when the first point has been solved
 
     def get(self, key: _Key) -> SolvedMargin | None:
         with self._lock:
@@ -142,7 +147,7 @@ class _Store:
                     del self._runs[other]
             run = self._runs.get(key)
             if run is None or (run.ended and not run.problem):
-                run = self._runs[key] = _Run(key, self._pool, lambda found: self.keep(key, found))
+                run = self._runs[key] = _Run(key, _workers(), lambda found: self.keep(key, found))
             run.wanted = time.monotonic()
             return run
 
