@@ -152,7 +152,7 @@ def _answer(call: tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]) ->
     except Exception as error:
         with suppress(Exception):
             answer = pickle.dumps((False, error))
-            pickle.loads(answer)  # not every exception can be made again
+            pickle.loads(answer)  # some cannot be made again
             return answer
         return pickle.dumps((False, RuntimeError(f"{type(error).__name__}: {error}")))
 

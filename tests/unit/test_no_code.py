@@ -273,7 +273,7 @@ def test_nothing_else_in_the_sources_unpickles():
                 found.append(f"{path.relative_to(ROOT)}: {line.strip()}")
     assert found == [
         "spab_core/common/workers.py: ok, answer = pickle.load(worker.stdout)",
-        "spab_core/common/workers.py: pickle.loads(answer)  # not every exception can be made again",
+        "spab_core/common/workers.py: pickle.loads(answer)  # some cannot be made again",
         "spab_core/common/workers.py: call = pickle.load(calls)",
         "spab_core/shipped/model_files.py: found = joblib.load(io.BytesIO(data))",
     ]
