@@ -1,4 +1,6 @@
-"""Start modules of the package in a new process; end worker processes with their parent."""
+"""Start modules of the package in a new process; end worker processes with their parent, and let
+them give way to it.
+"""
 
 from __future__ import annotations
 
@@ -36,3 +38,15 @@ def end_with_parent(parent: int) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+def give_way(by: int) -> None:
+    """Lower the priority of this process by a nice value, on Windows to below normal; keep it where
+    the system does not allow that.
+    """
+    windows: int | None = getattr(psutil, "BELOW_NORMAL_PRIORITY_CLASS", None)
+    with contextlib.suppress(psutil.Error, OSError):
+        if hasattr(os, "nice"):
+            os.nice(by)
+        elif windows is not None:
+            psutil.Process().nice(windows)

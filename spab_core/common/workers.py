@@ -20,9 +20,7 @@ from concurrent import futures
 from contextlib import suppress
 from typing import Any, BinaryIO, ParamSpec, TypeVar
 
-import psutil
-
-from spab_core.common.processes import end_with_parent, module_command
+from spab_core.common.processes import end_with_parent, give_way, module_command
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -157,16 +155,10 @@ def _answer(call: tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]) ->
         return pickle.dumps((False, RuntimeError(f"{type(error).__name__}: {error}")))
 
 
-def _step_back() -> None:
-    with suppress(psutil.Error, OSError):
-        me = psutil.Process()
-        me.nice(getattr(psutil, "BELOW_NORMAL_PRIORITY_CLASS", _NICE))
-
-
 def _main(parent: int, calls: BinaryIO, answers: BinaryIO) -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C in a terminal is for the parent
     end_with_parent(parent)
-    _step_back()
+    give_way(_NICE)
     while True:
         try:
             call = pickle.load(calls)

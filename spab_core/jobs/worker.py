@@ -21,6 +21,7 @@ from filelock import FileLock, Timeout
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from spab_core.common.errors import InputError
+from spab_core.common.processes import give_way
 from spab_core.jobs.kinds import KINDS
 from spab_core.jobs.store import (
     CANCEL_SECONDS,
@@ -159,8 +160,7 @@ def work(folder: Path) -> int:
     if data is None or data["state"] != "queued" or (folder / "cancel").exists():
         return 0  # done, or cancelled
     remove_temporaries(folder, "*")
-    if hasattr(os, "nice"):
-        os.nice(5)  # the dashboard goes first
+    give_way(5)  # the dashboard goes first
     report = _Report(folder, data)
     report.write(pid=os.getpid())
     threading.Thread(target=report.watch, daemon=True).start()

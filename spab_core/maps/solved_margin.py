@@ -23,7 +23,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spab_core.common.validation import check_number
+from spab_core.common.errors import DesignError
+from spab_core.common.validation import check_choice, check_number
 from spab_core.common.words import capital, small
 from spab_core.design.form import nearest_bearing_number
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, check_point
@@ -646,6 +647,10 @@ def solve_margin(
     began = time.perf_counter()
     check_point(rotor_mass, bearing_number)
     check_solved_margin(points, precision)
+    if not axes:
+        raise DesignError(f"give at least one axis of {', '.join(DIRECTIONS)}")
+    for axis in axes:
+        check_choice("axis", axis, DIRECTIONS)
     settings = settings or Settings()
     where = design, rotor_mass, bearing_number
     sides = [side for side in _sides(where, points, span) if side.line.axis in axes]

@@ -5,7 +5,6 @@ kept.
 from __future__ import annotations
 
 import functools
-import math
 import threading
 import time
 import traceback
@@ -69,11 +68,10 @@ class _Run(futures.Executor):
         return time.monotonic() - self.wanted > _LEFT
 
     def leave(self) -> None:
-        """Give up: no page waits any more."""
-        self.wanted = -math.inf
-        pending, self._pending = self._pending, set()
-        for call in pending:
-            call.cancel()
+        """Give up unless a page of another session looks at it as well, as each does twice a
+        second.
+        """
+        self.wanted = min(self.wanted, time.monotonic() + 2.0 * _EVERY - _LEFT)
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> futures.Future[T]:
         """Have a worker make the call; raises ``CancelledError`` where nobody waits any more."""
@@ -86,8 +84,10 @@ class _Run(futures.Executor):
 
     def _done(self, call: futures.Future[Any]) -> None:
         self._pending.discard(call)
-        if self._left and self._pending:
-            self.leave()
+        if self._left:
+            pending, self._pending = self._pending, set()
+            for other in pending:
+                other.cancel()
 
     def _progress(self, count: int) -> None:
         self.solved += count
@@ -95,7 +95,7 @@ class _Run(futures.Executor):
     def _solve(self, key: _Key, keep: Callable[[SolvedMargin], None]) -> None:
         try:
             design, mass, number, limits = key
-            compile_once(LIVE, design)  # before several workers would at once
+            self.submit(compile_once, LIVE, design).result()  # by one, before several would
             self.near = solve_margin(design, mass, number, LIVE, limits, pool=self, **NEAR)
             keep(
                 solve_margin(design, mass, number, LIVE, limits, pool=self, progress=self._progress)

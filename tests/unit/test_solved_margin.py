@@ -132,6 +132,12 @@ def test_some_axes_alone_say_what_they_say_among_all():
     assert {line.axis for line in all_of_them.lines} == {"speed", "mass", "both"}
 
 
+@pytest.mark.parametrize("axes, told", [((), "give at least one axis"), (("rpm",), "axis = 'rpm'")])
+def test_an_axis_that_there_is_not_is_refused(axes, told):
+    with pytest.raises(InputError, match=told):
+        solve_margin(MACHINE, 2.0, 1.5, axes=axes)
+
+
 @pytest.mark.slow
 def test_both_ends_of_a_bracket_are_what_they_are_said_to_be(machine):
     """Solved again on their own, without the margin's bookkeeping."""
