@@ -137,10 +137,11 @@ class StandingWorkers(futures.Executor):
 
 def _end(worker: subprocess.Popen[bytes]) -> int:
     """End a worker that is idle or has died; return its exit code."""
-    with suppress(subprocess.TimeoutExpired, OSError):
-        worker.communicate(timeout=_ENDING)
-    worker.kill()
-    return worker.wait()
+    with worker:  # closes its pipes, however late it ends
+        with suppress(subprocess.TimeoutExpired, OSError):
+            worker.communicate(timeout=_ENDING)
+        worker.kill()
+    return worker.returncode
 
 
 def _answer(call: tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]) -> bytes:

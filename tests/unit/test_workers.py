@@ -9,6 +9,7 @@ import time
 import psutil
 import pytest
 
+from spab_core.common import workers as standing
 from spab_core.common.processes import module_command
 from spab_core.common.workers import StandingWorkers
 
@@ -85,6 +86,21 @@ def test_an_idle_worker_ends_and_another_takes_its_place():
     first = pool.submit(os.getpid).result(PATIENCE)
     until(lambda: not psutil.pid_exists(first))
     assert pool.submit(abs, -1).result(PATIENCE) == 1
+
+
+def test_one_that_is_slow_to_end_leaves_nothing_open(monkeypatch):
+    """Such as one of low priority beside others at work."""
+    started, popen = [], subprocess.Popen
+
+    def start(*args, **more):
+        started.append(popen(*args, **more))
+        return started[-1]
+
+    monkeypatch.setattr(subprocess, "Popen", start)
+    monkeypatch.setattr(standing, "_ENDING", 0.0)
+    assert workers(idle=0.05).submit(abs, -1).result(PATIENCE) == 1
+    until(lambda: started[0].returncode is not None)
+    until(lambda: started[0].stdin.closed and started[0].stdout.closed)
 
 
 def test_without_processes_the_reason_is_told(monkeypatch):
