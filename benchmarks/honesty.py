@@ -104,9 +104,9 @@ def _value(rng, m):
     )
 
 
-def solve(design, mass, number, settings):
-    """The operating point; raises :class:`TooSlow`."""
-    until = time.thread_time() + SECONDS
+def solve(design, mass, number, settings, seconds):
+    """The operating point; raises :class:`TooSlow` after so many seconds of computing."""
+    until = time.thread_time() + seconds
 
     def progress(_):
         if time.thread_time() > until:
@@ -153,12 +153,12 @@ def gas_lost(point, pieces=PIECES):
     return abs(apart) / (abs(contents[0]) + simpson(sizes, dx=REVOLUTION / pieces))
 
 
-def check(design, mass, number):
+def check(design, mass, number, seconds=SECONDS):
     """What a point does and which promises it breaks: (name of the outcome, list of sentences, gas
-    lost or None).
+    lost or None). A run may take so many ``seconds`` of computing.
     """
     try:
-        point, lost = solve(design, mass, number, SETTINGS), None
+        point, lost = solve(design, mass, number, SETTINGS, seconds), None
         status = point.trajectory.status
         broken = []
         if status == "ok":
@@ -175,7 +175,7 @@ def check(design, mass, number):
                 broken.append(f"gas is not conserved: {lost:.2g} of it")
         elif point.mle is not None or point.regime is not None:
             broken.append("an exponent of a failed run")
-        half = solve(design, mass, number, HALF)
+        half = solve(design, mass, number, HALF, seconds)
         found = compare(point, half)
         chaotic = next((p for p in (point, half) if p.regime and p.regime.name == "chaotic"), None)
         if found and chaotic and "touchdown" in (status, half.trajectory.status):
@@ -186,12 +186,12 @@ def check(design, mass, number):
             )
             found = (
                 found
-                if solve(design, mass, number, longer).trajectory.status != "touchdown"
+                if solve(design, mass, number, longer, seconds).trajectory.status != "touchdown"
                 else []
             )
         broken += found
     except TooSlow:
-        return "too slow", [f"more than {SECONDS:g} s"], None
+        return "too slow", [f"more than {seconds:g} s"], None
     except Exception as problem:  # what is looked for
         return "exception", [f"{type(problem).__name__}: {problem}"], None
     return status, broken, lost
