@@ -31,6 +31,9 @@ _SAME = 1e-6
 class GasSystem:
     """Solves (p I - A) x = r for the linearised film and wall, A their Jacobian.
 
+    Every node's column of the wall is taken to its own modes, once for all p: the flow between
+    planes is tridiagonal with off-diagonals of one sign, so that its modes only decay.
+
     Parameters
     ----------
     jacobian : ndarray, (n, n)
@@ -40,25 +43,46 @@ class GasSystem:
     """
 
     def __init__(self, jacobian: np.ndarray, nodes: int) -> None:
-        self.film = jacobian[:nodes, :nodes]
+        self.film, self.nodes = jacobian[:nodes, :nodes], nodes
         parts = len(jacobian) // nodes
         columns = np.einsum("aibi->iab", jacobian.reshape(parts, nodes, parts, nodes))
         self.wall, self.inward = columns[:, 1:, 1:], columns[:, 0, 1:]
-        self.outward, self.nodes = columns[:, 1:, 0], nodes
+        self.outward = columns[:, 1:, 0]
+        self._rates, self._modes = np.linalg.eig(self.wall)
+        self._into_modes = np.linalg.inv(self._modes)
+        self._mode_inward = (self.inward[:, None, :] @ self._modes)[:, 0]
+        self._mode_outward = (self._into_modes @ self.outward[:, :, None])[:, :, 0]
+
+    @property
+    def size(self) -> int:
+        """Entries of film and wall, n."""
+        return int(self.nodes * (1 + self.wall.shape[1]))
+
+    def apply(self, vectors: np.ndarray) -> np.ndarray:
+        """Return A x, (n, c), of vectors x (n, c)."""
+        film, columns = vectors[: self.nodes], self._by_column(vectors)
+        flow = self.film @ film + (self.inward[:, None, :] @ columns)[:, 0]
+        return self._joined(flow, self.wall @ columns + self.outward[:, :, None] * film[:, None, :])
 
     def solve(self, p: complex, right: np.ndarray) -> np.ndarray:
         """Return x, (n, c), for the right-hand sides (n, c)."""
-        m, count = self.nodes, self.wall.shape[1]
-        inverse = np.linalg.inv(p * np.eye(count) - self.wall)
-        answer = np.einsum("mkl,ml->mk", inverse, self.outward)
-        matrix = p * np.eye(m) - self.film
-        matrix[np.diag_indices(m)] -= np.einsum("mk,mk->m", self.inward, answer)
-        columns = right[m:].reshape(count, m, -1)
-        alone = np.einsum("mkl,lmc->kmc", inverse, columns)
-        sides = right[:m] + np.einsum("mk,kmc->mc", self.inward, alone)
+        answer = 1.0 / (p - self._rates)
+        matrix = p * np.eye(self.nodes) - self.film
+        driven = self._mode_outward * answer
+        matrix[np.diag_indices(self.nodes)] -= (self._mode_inward * driven).sum(axis=1)
+        alone = answer[:, :, None] * (self._into_modes @ self._by_column(right))
+        sides = right[: self.nodes] + (self._mode_inward[:, None, :] @ alone)[:, 0]
         film = np.linalg.solve(matrix, sides)
-        wall = alone + answer.T[:, :, None] * film
-        return np.asarray(np.concatenate([film, wall.reshape(count * m, -1)]))
+        return self._joined(film, self._modes @ (alone + driven[:, :, None] * film[:, None, :]))
+
+    def _by_column(self, vectors: np.ndarray) -> np.ndarray:
+        """Return the wall's entries of vectors (n, c), by node and plane, (M N, planes, c)."""
+        planes = vectors[self.nodes :].reshape(-1, self.nodes, vectors.shape[1])
+        return np.ascontiguousarray(planes.transpose(1, 0, 2))
+
+    def _joined(self, film: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        wall = columns.transpose(1, 0, 2).reshape(-1, columns.shape[2])
+        return np.concatenate([film, wall])
 
 
 def _weights(system: System, state: np.ndarray) -> np.ndarray:
@@ -122,9 +146,13 @@ def coupled_eigenpairs(
     basis = left[:, sizes > 1e-10 * sizes[0]]
     # the small system: coordinates in the space, then the rotor as it is
     lifted = basis / weights[:, None]
-    images = whole[:, :n] @ lifted
     inside = basis.T * weights
-    small = np.block([[inside @ images[:n], inside @ whole[:n, n:]], [images[n:], whole[n:, n:]]])
+    small = np.block(
+        [
+            [inside @ gas.apply(lifted), inside @ whole[:n, n:]],
+            [whole[n:, :n] @ lifted, whole[n:, n:]],
+        ]
+    )
     values, vectors = np.linalg.eig(small)
     found: list[tuple[complex, np.ndarray]] = []
     r = basis.shape[1]
@@ -185,7 +213,7 @@ def _refined(
     """Take an eigenpair to one of the whole system by inverse iteration; None where it does not
     come to rest near by.
     """
-    n, start = len(gas.film) * (1 + gas.wall.shape[1]), value
+    n, start = gas.size, value
     rotor = whole[n:, n:]
     vector = vector / np.linalg.norm(vector)
     for _ in range(_STEPS):

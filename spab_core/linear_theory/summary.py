@@ -54,6 +54,7 @@ from spab_core.solver.film import (
     gas_size,
     pore_content,
 )
+from spab_core.solver.system import System
 
 NO_EQUILIBRIUM = "no static equilibrium: the film does not carry this rotor at this speed"
 # share of its damping that a whirl loses to the pores' gas before that is told
@@ -188,9 +189,9 @@ class Derived:
     penetration_depth : float or None
         Depth in the wall at which a pressure wave of the whirl's frequency is down to 1/e, m; at
         half the speed where nothing whirls. None where the wall stores no gas.
-    quiet_growth : float or None
-        What :attr:`whirl` would grow by, were the wall quasi-steady; None where it is, or where
-        nothing would oscillate.
+    quiet : tuple or None
+        System and state at rest were the wall quasi-steady, of which :attr:`quiet_growth` is; None
+        where it is.
     """
 
     rotor_mass: float
@@ -223,7 +224,7 @@ class Derived:
     sigma_wall: float = 0.0
     pore_gas_ratio: float | None = None
     penetration_depth: float | None = None
-    quiet_growth: float | None = None
+    quiet: tuple[System, np.ndarray] | None = None
 
     @functools.cached_property
     def axial_stiffness(self) -> float | None:
@@ -238,6 +239,16 @@ class Derived:
         except InputError:
             return None
         return found * design.stiffness_unit
+
+    @functools.cached_property
+    def quiet_growth(self) -> float | None:
+        """What :attr:`whirl` would grow by, were the wall quasi-steady; None where it is, or where
+        nothing would oscillate. Solved when asked for.
+        """
+        if self.quiet is None:
+            return None
+        swinging = [m.growth for m in rotor_modes(*self.quiet) if -m.root.real < m.root.imag]
+        return max(swinging, default=None)
 
     @property
     def leading(self) -> tuple[str, Whirl] | None:
@@ -503,14 +514,13 @@ def _with_wall(found: Derived, at: Impedance) -> Derived:
     """Add what is told of a wall that stores gas."""
     film, state = at.system.film, at.equilibrium.state
     ratio = found.whirl.ratio if found.whirl else 0.5
-    gas, quiet = gas_array(film, state), at.system.without_storage()
+    gas = gas_array(film, state)
     pressure = float(film.area @ gas[1].mean(axis=1) / film.area.sum())
     wave = ratio * found.sigma_wall / (2.0 * pressure)
     rest = np.delete(state, np.s_[film_size(film) : gas_size(film)])
-    swinging = [m.growth for m in rotor_modes(quiet, rest) if -m.root.real < m.root.imag]
     return dataclasses.replace(
         found,
         pore_gas_ratio=pore_content(film, gas[1:]) / gas_content(film, gas[0]),
         penetration_depth=at.design.bearing.wall_thickness / max(math.sqrt(wave), 1.0),
-        quiet_growth=max(swinging, default=None),
+        quiet=(at.system.without_storage(), rest),
     )
