@@ -19,10 +19,12 @@ SOLVING := tests/physics $(addprefix tests/unit/test_,kernels.py simulate.py map
   determinism.py threads.py quick_map.py what_if.py margin.py export.py cli.py) \
   $(addprefix tests/app/test_,operating_point.py bifurcation.py home.py my_bearing.py surrogates.py my_map.py)
 # what can come out otherwise on another Python and, of what solves, on another processor: besides all physics what stores, reads,
-# counts, imports and starts processes
-STORING := tests/physics $(addprefix tests/unit/test_,kernels.py simulate.py determinism.py threads.py memory.py dependencies.py design.py \
-  form.py artifacts.py pretrained.py no_code.py surrogates.py jobs.py cli.py cli_design.py cli_models.py export.py regimes.py refine.py \
-  lines.py features.py source_hash.py) $(addprefix tests/app/test_,about.py view.py jobs.py my_bearing.py operating_point.py)
+# counts, imports and starts processes. What waits for nothing may run at low priority beside other work
+PURE := tests/physics $(addprefix tests/unit/test_,kernels.py simulate.py design.py form.py artifacts.py export.py regimes.py lines.py \
+  features.py source_hash.py)
+TIMED := $(addprefix tests/unit/test_,determinism.py threads.py memory.py dependencies.py pretrained.py no_code.py surrogates.py jobs.py \
+  cli.py cli_design.py cli_models.py refine.py) $(addprefix tests/app/test_,about.py view.py jobs.py my_bearing.py operating_point.py)
+STORING ?= $(PURE) $(TIMED)
 OLDEST := $(addprefix tests/unit/test_,design.py form.py export.py simulate.py map_engine.py surrogates.py) \
   $(addprefix tests/physics/test_,film.py integrators.py) $(addprefix tests/app/test_,about.py view.py home.py my_bearing.py)
 

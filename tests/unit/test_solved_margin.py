@@ -163,7 +163,8 @@ def test_a_whirl_begins_at_the_linear_threshold():
     )
     (exact,) = whirl_thresholds(design, 4.0)
     assert exact.stable_side == "below"
-    found = solve_margin(design, 0.7 * exact.critical_mass, 4.0, points=2, precision=COARSE)
+    mass = 0.7 * exact.critical_mass
+    found = solve_margin(design, mass, 4.0, points=2, precision=COARSE, axes=("mass",))
     assert not found.here.keys() & (WHIRLS | {"contact"})
     near = limit_of(found, "mass", "up", "unstable at rest")
     assert near.low <= exact.critical_mass <= near.high
@@ -215,7 +216,8 @@ def test_the_headline_names_the_nearest_trouble_to_be_avoided_and_what_comes_bef
 @pytest.mark.slow
 def test_a_whirl_exists_beside_period_1():
     """At 4.52 kg and Lambda 1.4 rest leads to period 1, a large orbit to a whirl of 0.83."""
-    found = solve_margin(reference_design(), 4.52, 1.4, points=6, precision=0.002)
+    where = reference_design(), 4.52, 1.4
+    found = solve_margin(*where, points=6, precision=0.002, axes=("speed",))
     assert found.point.regime.period == 1 and found.point.max_eccentricity < 0.5
     assert found.beside.max_eccentricity == pytest.approx(0.83, abs=0.02)
     assert found.assessment.grade == "watch" and "to be watched" in found.assessment.motion
