@@ -44,6 +44,7 @@ from spab_core.linear_theory.modes import (
 )
 from spab_core.solver.film import (
     AUTO,
+    AZIMUTHS,
     Film,
     Mesh,
     film_array,
@@ -53,12 +54,16 @@ from spab_core.solver.film import (
     gas_content,
     gas_size,
     pore_content,
+    suitable_mesh,
 )
 from spab_core.solver.system import System
 
 NO_EQUILIBRIUM = "no static equilibrium: the film does not carry this rotor at this speed"
 # share of its damping that a whirl loses to the pores' gas before that is told
 LESS_DAMPED = 0.02
+# least film over C for which the azimuths of a run are enough: eigenvalues to 1e-8
+# (tests/physics/test_derived.py)
+THICK = 0.7
 # of normal litres, as in DIN 1343: Pa and K
 NORMAL_PRESSURE = 101325.0
 NORMAL_TEMPERATURE = 273.15
@@ -459,7 +464,7 @@ def derive(
         ),
         status=NO_EQUILIBRIUM,
     )
-    z = at or impedance(design, rotor_mass, bearing_number, mesh)
+    z = at or _linearised(design, rotor_mass, bearing_number, mesh)
     if z is None:
         try:
             axial_position(design, rotor_mass, bearing_number)
@@ -469,7 +474,7 @@ def derive(
     film, rest = z.system.film, z.equilibrium
     system, free = z.system, rest
     if rotor.axial_motion:
-        system = resting_system(design, rotor_mass, bearing_number, mesh)
+        system = resting_system(design, rotor_mass, bearing_number, system.mesh)
         loose = find_equilibrium(system)
         if loose is None:
             return found
@@ -503,6 +508,17 @@ def derive(
         assumptions=assumptions(design, bearing_number, least_film),
     )
     return _with_wall(found, z) if film.depth else found
+
+
+def _linearised(
+    design: Design, rotor_mass: float, bearing_number: float, mesh: Mesh
+) -> Impedance | None:
+    """Linearise the bearing: on fewer azimuths where none is asked for and the film is thick."""
+    if mesh == AUTO:
+        few = impedance(design, rotor_mass, bearing_number, suitable_mesh(design, AZIMUTHS))
+        if few and few.equilibrium.gap >= THICK:
+            return few
+    return impedance(design, rotor_mass, bearing_number, mesh)
 
 
 def _whirl(modes: list[Mode], speed_rpm: float) -> Whirl | None:

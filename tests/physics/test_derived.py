@@ -14,7 +14,7 @@ from spab_core.design.presets import PRESETS, preset
 from spab_core.linear_theory.equilibrium import concentric_stiffness, static_equilibrium
 from spab_core.linear_theory.summary import NO_EQUILIBRIUM, derive
 from spab_core.linear_theory.whirl import linear_spectrum
-from spab_core.solver.film import Mesh
+from spab_core.solver.film import Mesh, suitable_mesh
 from tests.conftest import fed_design
 
 MESH = Mesh(4, 24)
@@ -32,6 +32,33 @@ def test_what_the_wall_feeds_leaves_through_the_edges(name):
     # drawn in at the edges where the load opens the film, pressed out through the wall under it
     else:
         assert -0.1 < flow.normal_litres < 0.0
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_thick_film_needs_no_more_azimuths_than_a_run(name):
+    """Fourier's coefficients of a smooth film fall geometrically: from twice the azimuths, which a
+    thin film is given, come the same numbers.
+    """
+    p, thick, thin = preset(name), 0, 0
+    number = p.design.bearing_number(from_rpm(p.speed_rpm))
+    for share in (0.25, 1.0, 5.0, 40.0):
+        where = p.design, min(share * p.rotor_mass, 1000.0), number
+        found, many = derive(*where), derive(*where, suitable_mesh(p.design, 32))
+        if many.status != "ok" or many.eccentricity > 0.3:
+            thin += found.record() == many.record()
+            continue
+        thick += found.eccentricity != many.eccentricity  # to the last bit
+        assert found.eccentricity == pytest.approx(many.eccentricity, rel=1e-9)
+        assert found.whirl.growth == pytest.approx(many.whirl.growth, rel=1e-8)
+        assert found.whirl.ratio == pytest.approx(many.whirl.ratio, rel=1e-8)
+        np.testing.assert_allclose(
+            found.coefficients.stiffness,
+            many.coefficients.stiffness,
+            atol=1e-8 * np.abs(many.coefficients.stiffness).max(),
+        )
+        for one, other in zip(found.modes, many.modes, strict=True):
+            assert one.log_decrement == pytest.approx(other.log_decrement, rel=1e-8)
+    assert thick and thick + thin == 4
 
 
 def test_flow_of_the_concentric_bearing():
