@@ -62,7 +62,7 @@ FIRST, SURVIVORS = 256, 48  # predicted first, and solved first
 CAPS, POPULATION = 5, 16  # bounds of the second wish, and machines of a generation of each
 FRONT = 12  # machines of the front that are confirmed and shown
 DRAWN = 64  # machines within the tolerances of each of them
-FINER = (2, 16)  # latitudes and azimuths more than the usual mesh
+FINER = (2, 8)  # latitudes and azimuths more than the usual mesh
 LOGARITHMIC = 4.0  # a range whose ends have this ratio is searched in the logarithm
 MOST_RANGES = 12
 
