@@ -63,8 +63,8 @@ class AxialStopError(InputError):
 
     Attributes
     ----------
-    capacity : float
-        The largest axial force that was found, N.
+    load, capacity : float
+        The axial load and the largest axial force that was found, N.
     """
 
     def __init__(self, load: float, capacity: float) -> None:
@@ -72,7 +72,11 @@ class AxialStopError(InputError):
             f"at its axial stop: the film carries at most {capacity:.4g} N along the axis under "
             f"this radial load, rotor.axial_load is {load:g} N"
         )
-        self.capacity = capacity
+        self.load, self.capacity = load, capacity
+
+    def __reduce__(self) -> tuple[type, tuple[float, float]]:
+        """Let it pass from a worker process with what it says."""
+        return type(self), (self.load, self.capacity)
 
 
 def dense_system(

@@ -31,8 +31,9 @@ _SAME = 1e-6
 class GasSystem:
     """Solves (p I - A) x = r for the linearised film and wall, A their Jacobian.
 
-    Every node's column of the wall is taken to its own modes, once for all p: the flow between
-    planes is tridiagonal with off-diagonals of one sign, so that its modes only decay.
+    Every node's column of the wall is taken to its own modes, once for all p. The flow between its
+    planes is tridiagonal with positive off-diagonals: scaled, it is symmetric, and its modes only
+    decay.
 
     Parameters
     ----------
@@ -48,8 +49,12 @@ class GasSystem:
         columns = np.einsum("aibi->iab", jacobian.reshape(parts, nodes, parts, nodes))
         self.wall, self.inward = columns[:, 1:, 1:], columns[:, 0, 1:]
         self.outward = columns[:, 1:, 0]
-        self._rates, self._modes = np.linalg.eig(self.wall)
-        self._into_modes = np.linalg.inv(self._modes)
+        upper, lower = (np.diagonal(self.wall, k, 1, 2) for k in (1, -1))
+        scale = np.ones((nodes, parts - 1, 1))
+        scale[:, 1:, 0] = np.cumprod(np.sqrt(lower / upper), axis=1)
+        across = scale.transpose(0, 2, 1)
+        self._rates, vectors = np.linalg.eigh(self.wall / scale * across)
+        self._modes, self._into_modes = scale * vectors, vectors.transpose(0, 2, 1) / across
         self._mode_inward = (self.inward[:, None, :] @ self._modes)[:, 0]
         self._mode_outward = (self._into_modes @ self.outward[:, :, None])[:, :, 0]
 

@@ -44,7 +44,7 @@ def _square(figure: go.Figure, title: str, reach: float = 1.08) -> go.Figure:
         },
         margin={"l": 50, "r": 10, "t": 40, "b": 40},
         height=340,
-        legend={"orientation": "h", "y": -0.22, "x": 0},
+        legend={"orientation": "h", "y": -0.17, "yanchor": "top", "x": 0},
     )
     return figure
 
@@ -277,7 +277,7 @@ def spectrum_figure(
             "exponentformat": "power",
             "dtick": 1,
         },
-        legend={"orientation": "h", "y": -0.22, "x": 0},
+        legend={"orientation": "h", "y": -0.17, "yanchor": "top", "x": 0},
         showlegend=True,
         hovermode="x",
     )
@@ -322,7 +322,7 @@ def signals_figure(point: OperatingPoint, revolutions: int = 8) -> go.Figure:
         height=465,
         margin={"l": 60, "r": 10, "t": 40, "b": 40},
         hovermode="x",
-        legend={"orientation": "h", "y": -0.14, "x": 0},
+        legend={"orientation": "h", "y": -0.1, "yanchor": "top", "x": 0},
     )
 
 
@@ -364,7 +364,7 @@ def forces_figure(revolution: Revolution) -> go.Figure:
         height=465,
         hovermode="x",
         margin={"l": 60, "r": 10, "t": 40, "b": 40},
-        legend={"orientation": "h", "y": -0.14, "x": 0},
+        legend={"orientation": "h", "y": -0.1, "yanchor": "top", "x": 0},
     )
 
 

@@ -5,6 +5,7 @@ Axial stiffness: docs/model.md, from the linearised boundary-value problem solve
 
 import json
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -160,8 +161,13 @@ def test_the_least_gap_is_that_of_the_whole_band():
 
 def test_a_bearing_at_its_axial_stop_is_a_status(tmp_path, capsys):
     design = FED.replace(rotor__axial_load=5000.0)
-    with pytest.raises(AxialStopError, match=r"at most [\d.]+ N .* rotor\.axial_load is 5000 N"):
+    with pytest.raises(
+        AxialStopError, match=r"at most [\d.]+ N .* rotor\.axial_load is 5000 N"
+    ) as stop:
         axial_position(design, 4.0, 3.0)
+    # as a worker process answers
+    again = pickle.loads(pickle.dumps(stop.value))
+    assert str(again) == str(stop.value) and again.capacity == stop.value.capacity
     found = derive(design, 4.0, 3.0)
     assert found.status.startswith("at its axial stop") and found.whirl is None
     point = solve_point(design, 4.0, 3.0, Settings("2x16", transient=30, revolutions=20))

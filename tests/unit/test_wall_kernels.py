@@ -10,7 +10,8 @@ import pytest
 from spab_core.common.errors import DesignError
 from spab_core.design.model import design_toml, parse_design
 from spab_core.linear_theory.equilibrium import dense_system, find_equilibrium
-from spab_core.linear_theory.spectrum import leading_eigenpairs
+from spab_core.linear_theory.impedance import impedance
+from spab_core.linear_theory.spectrum import GasSystem, leading_eigenpairs
 from spab_core.shipped.provenance import design_hash
 from spab_core.solver.curvature import add_curvature, prepare_curvature
 from spab_core.solver.film import (
@@ -148,6 +149,25 @@ def test_leading_eigenvalues_are_those_of_the_dense_jacobian(design, rotor_mass)
     swinging = every[(every.imag > 0.0) & (-every.real < every.imag)]
     assert max(np.abs(found - value).min() for value in swinging) < 1e-8
     assert found[0].real == pytest.approx(every.real.max(), rel=1e-8)
+
+
+@pytest.mark.parametrize("more", [{}, LAYER])
+def test_the_columns_of_a_wall_are_solved_exactly(design, more):
+    """Against the Jacobian as it is, at rest, at a whirl's frequency and far above; what is real
+    stays real.
+    """
+    z = impedance(design.replace(**STORING, **more), 5.0, 4.0, Mesh(2, 16))
+    gas, sides = (
+        GasSystem(z.film, 32),
+        np.random.default_rng(0).standard_normal((gas_size(z.system.film), 3)),
+    )
+    assert gas.size == len(sides) == len(z.film)
+    assert gas.solve(0.0, sides).dtype == float
+    for p in (0.0, 0.1 + 0.5j, 1e4j):
+        found = gas.solve(p, sides)
+        left = p * found - z.film @ found
+        assert np.abs(left - sides).max() < 1e-9
+        np.testing.assert_allclose(gas.apply(found), z.film @ found, rtol=1e-9, atol=1e-9)
 
 
 def test_the_rest_of_a_storing_wall_is_that_of_a_quiet_one(design):
