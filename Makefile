@@ -24,7 +24,7 @@ PURE := tests/physics $(addprefix tests/unit/test_,kernels.py simulate.py design
   features.py source_hash.py)
 TIMED := $(addprefix tests/unit/test_,determinism.py threads.py memory.py dependencies.py pretrained.py no_code.py surrogates.py jobs.py \
   cli.py cli_design.py cli_models.py refine.py) $(addprefix tests/app/test_,about.py view.py jobs.py my_bearing.py operating_point.py)
-STORING ?= $(PURE) $(TIMED)
+STORING := $(PURE) $(TIMED)
 OLDEST := $(addprefix tests/unit/test_,design.py form.py export.py simulate.py map_engine.py surrogates.py) \
   $(addprefix tests/physics/test_,film.py integrators.py) $(addprefix tests/app/test_,about.py view.py home.py my_bearing.py)
 

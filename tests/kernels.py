@@ -26,6 +26,7 @@ QUICK = (
     ("3x24", "rodas", 0.0, False),
 )
 SLOW = (
+    ("3x24", "rodas", 0.15, False),
     ("4x32", "rodas", 0.0, False),
     ("2x16", "dtm", 0.15, False),
     ("3x16", "rodas", 0.15, True),

@@ -750,8 +750,9 @@ def finer_settings(machine: Machine, settings: Settings) -> Settings:
     return dataclasses.replace(settings, mesh=mesh)
 
 
-def _row(name: int, machine: Machine, look: Look) -> tuple[int, dict[str, Any]]:
-    return name, look_at(machine, look)
+def _finer_row(name: int, machine: Machine, look: Look) -> tuple[int, dict[str, Any]]:
+    finer = dataclasses.replace(look, settings=finer_settings(machine, look.settings))
+    return name, look_at(machine, finer)
 
 
 def _confirm(
@@ -773,11 +774,8 @@ def _confirm(
         told(FRONT)
         return empty_rows(0), np.empty((0, 3))
     with cluster_or_processes(workers, look.settings, machines[0].design, cluster) as parallel:
-        looks = [
-            dataclasses.replace(look, settings=finer_settings(m, look.settings)) for m in machines
-        ]
         for k, row in parallel(
-            joblib.delayed(_row)(k, *one) for k, one in enumerate(zip(machines, looks, strict=True))
+            joblib.delayed(_finer_row)(k, m, look) for k, m in enumerate(machines)
         ):
             found[k] = row
             told(1)

@@ -29,7 +29,7 @@ from spab_core.solver.slope import build_work, slope_and_jacobian
 from spab_core.solver.system import System, build_system
 
 LIFTED = 0.1  # largest share of the weight that the wall carries under a rotor that has lifted off
-AZIMUTHS = 32  # of a mesh that is not asked for: they cost little at rest
+AZIMUTHS = 32  # of a mesh that is not asked for: what a thin film needs at rest
 _NEWTON_STEPS = 60
 # the axial stop: how far the gap at the edge may close; steps on the way there
 CLOSED, AXIAL_STEPS = 0.95, 20

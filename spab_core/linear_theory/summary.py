@@ -246,6 +246,7 @@ class Derived:
         return found * design.stiffness_unit
 
     @functools.cached_property
+    @one_thread
     def quiet_growth(self) -> float | None:
         """What :attr:`whirl` would grow by, were the wall quasi-steady; None where it is, or where
         nothing would oscillate. Solved when asked for.
@@ -434,6 +435,8 @@ def derive(
         kg on one bearing.
     bearing_number : float
     mesh : Mesh
+        Left out: of 16 azimuths where the least film at rest is at least :data:`THICK` times the
+        clearance, of 32 where it is less.
     at : Impedance, optional
         The bearing linearised there, where it is known.
 

@@ -237,7 +237,7 @@ def test_a_run_up_lists_what_it_crosses():
 @pytest.mark.slow
 def test_two_designs_side_by_side():
     at = opened(WHAT_IF, what_tab="Two designs")
-    for name in ("fed_spindle", "carbon_bushing", "rigid_balanced"):
+    for name in PRESETS:
         at.selectbox(key="two_preset").set_value(name).run()
         assert not at.exception and len(figures(at)) == 2
     table = at.dataframe[0].value

@@ -419,7 +419,7 @@ def test_read_only_artifacts_serve_and_refuse_in_a_sentence(tmp_path):
         pytest.skip("this system gives no mounts of one's own")
     x = str(ARTIFACTS / "x")
     plane = ["--bearing-number", "2:4:5", "--rotor-mass", "3:5:5", *OPTIONS]
-    good = [["predict", "--model", "mlp", "--out", str(tmp_path / "p.npz")]]
+    good = [["verify"], ["predict", "--model", "mlp", "--out", str(tmp_path / "p.npz")]]
     bad = [
         [],
         ["train", "--all"],

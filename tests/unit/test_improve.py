@@ -128,7 +128,6 @@ def small(monkeypatch):
         ("CAPS", 2),
         ("FRONT", 2),
         ("DRAWN", 4),
-        ("FINER", (2, 0)),  # as wide as the usual mesh: no kernels of its own
         ("SCREENED_RANGE", (1, 1000)),
         ("SOLVED_RANGE", (1, 1000)),
     ):
