@@ -22,7 +22,7 @@ _MAX_SECTION = 400  # points drawn over an orbit
 _COLOURS = {"film": JOURNAL, "contact": SECTION, "unbalance": DISC, "gravity": GREEN, "shaft": PINK}
 _TITLE = {"font_size": 14}
 # of legends: rows grow downwards, away from the title of the axis
-_BELOW = {"orientation": "h", "yanchor": "top", "x": 0}
+_BELOW = {"orientation": "h", "y": -0.17, "yanchor": "top", "x": 0}
 
 
 def _square(figure: go.Figure, title: str, reach: float = 1.08) -> go.Figure:
@@ -46,7 +46,7 @@ def _square(figure: go.Figure, title: str, reach: float = 1.08) -> go.Figure:
         },
         margin={"l": 50, "r": 10, "t": 40, "b": 40},
         height=340,
-        legend=_BELOW | {"y": -0.17},
+        legend=_BELOW,
     )
     return figure
 
@@ -279,7 +279,7 @@ def spectrum_figure(
             "exponentformat": "power",
             "dtick": 1,
         },
-        legend=_BELOW | {"y": -0.17},
+        legend=_BELOW,
         showlegend=True,
         hovermode="x",
     )
@@ -324,7 +324,7 @@ def signals_figure(point: OperatingPoint, revolutions: int = 8) -> go.Figure:
         height=465,
         margin={"l": 60, "r": 10, "t": 40, "b": 40},
         hovermode="x",
-        legend=_BELOW | {"y": -0.1},
+        legend=_BELOW,
     )
 
 
@@ -366,7 +366,7 @@ def forces_figure(revolution: Revolution) -> go.Figure:
         height=465,
         hovermode="x",
         margin={"l": 60, "r": 10, "t": 40, "b": 40},
-        legend=_BELOW | {"y": -0.1},
+        legend=_BELOW,
     )
 
 
