@@ -2,9 +2,10 @@
 
 Differential evolution (Storn and Price, J. Global Optim. 11, 341 (1997), by scipy) of the first
 wish, once for each of several bounds of the second: over predictions of linear theory, some
-hundreds, then over solved machines, begun with the best of those. Every machine of the front has
-been solved, again on a finer mesh, and, where tolerances are given, with machines drawn within
-them.
+hundreds, then over solved machines, begun with the best of those, whose lines to the margin have
+points :data:`SEARCHED` apart. Every machine of the front is solved again with the line of any other
+margin, with the wider line on a finer mesh, and, where tolerances are given, with machines drawn
+within them.
 """
 
 from __future__ import annotations
@@ -56,13 +57,14 @@ from spab_core.trajectory.settings import Settings
 
 REACH = 3.0  # of the margin's line
 PRECISION = 0.03  # of its end
+SEARCHED = 1.2  # spacing of its points while searching, and on the finer mesh
 SCREENED, SOLVED = 1024, 136  # machines: predicted, solved; under three minutes on two cores
 SCREENED_RANGE, SOLVED_RANGE = (256, 100_000), (96, 20_000)
 FIRST, SURVIVORS = 256, 48  # predicted first, and solved first
 CAPS, POPULATION = 5, 16  # bounds of the second wish, and machines of a generation of each
 FRONT = 12  # machines of the front that are confirmed and shown
 DRAWN = 64  # machines within the tolerances of each of them
-FINER = (2, 8)  # latitudes and azimuths more than the usual mesh
+FINER = (1, 8)  # latitudes and azimuths more than the usual mesh
 LOGARITHMIC = 4.0  # a range whose ends have this ratio is searched in the logarithm
 MOST_RANGES = 12
 
@@ -270,7 +272,7 @@ class Improvement:
     values : ndarray, (n, d)
         Of the front's machines, in form units, by falling margin or first wish.
     rows, finer : dict of ndarray, (n,)
-        As found on the usual mesh and on a finer one.
+        As found on the usual mesh and on a finer one, there with points :data:`SEARCHED` apart.
     shares : ndarray, (n, 3)
         Share of good machines drawn within the tolerances and Wilson's interval; nan without.
     screened, solved : int
@@ -386,7 +388,7 @@ class Improvement:
         sure = int(self.confirmed.sum())
         lines.append(
             f"The front has {self.count} drawings, all solved; {sure} of them hold what must hold "
-            "on a finer mesh too."
+            f"on a finer mesh too (its line at points {100 * (SEARCHED - 1):.0f} % apart)."
         )
         if self.best is None:
             return lines
@@ -481,7 +483,9 @@ def _thinned(front: np.ndarray, costs: np.ndarray) -> np.ndarray:
     return np.asarray(front[np.sort(kept)])
 
 
+# costs (n, 2) and violations (n,) of places (n, d), and of rows
 Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+Judge = Callable[[Mapping[str, Any]], tuple[np.ndarray, np.ndarray]]
 
 
 class _Asked:
@@ -663,8 +667,8 @@ def improve(
         def predict(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             machines = [space.machine_at(p) for p in places]
             jobs = (
-                joblib.delayed(_screen_chunk)(k, machines[k : k + 16], look)
-                for k in range(0, len(machines), 16)
+                joblib.delayed(_screen_chunk)(k, machines[k : k + 4], look)
+                for k in range(0, len(machines), 4)
             )
             parts = dict(parallel(jobs))
             told(len(places))
@@ -683,8 +687,9 @@ def improve(
         "screened": screened,
     }
     kept: list[Rows] = []
+    wide = dataclasses.replace(look, spacing=max(look.spacing, SEARCHED))
     with looker(
-        look,
+        wide,
         machine.design,
         SURVIVORS + CAPS * POPULATION * solving,
         plan,
@@ -706,16 +711,17 @@ def improve(
         before = look_at(machine, look)
     places, costs, missed = tried.places, tried.costs, tried.missed
     valid = np.array([space.machine_at(p) is not None for p in places])
-    front = front_of(costs, np.where(valid, missed, math.inf))
-    chosen = _thinned(front, costs)
-    rows = {name: np.concatenate([b[name] for b in kept])[chosen] for name in ROW}
-    values = np.array([list(space.values(places[k]).values()) for k in chosen]).reshape(
-        -1, len(ranges)
+    found = front_of(costs, np.where(valid, missed, math.inf))
+    front = places[_thinned(found, costs)]
+    machines = [space.machine_at(place) or machine for place in front]
+    machines, front, rows, finer = _confirm(
+        machines, front, look, wide, judge, checkpoint, workers, cluster, progress
     )
-    machines = [space.machine_at(places[k]) or machine for k in chosen]
-    finer, shares = _confirm(
-        machines, look, tolerances, seed, checkpoint, workers, cluster, progress
-    )
+    shares = np.full((len(machines), 3), math.nan)
+    if tolerances and machines:
+        shares = _shares(machines, look, tolerances, seed, checkpoint, workers, cluster, progress)
+    values = np.array([list(space.values(place).values()) for place in front])
+    values = values.reshape(-1, len(ranges))
     return Improvement(
         machine,
         dict(ranges),
@@ -756,6 +762,53 @@ def _finer_row(name: int, machine: Machine, look: Look) -> tuple[int, dict[str, 
 
 
 def _confirm(
+    machines: list[Machine],
+    places: np.ndarray,
+    look: Look,
+    wide: Look,
+    judge: Judge,
+    checkpoint: Path | None,
+    workers: int,
+    cluster: str | None,
+    progress: Callable[[int], None] | None,
+) -> tuple[list[Machine], np.ndarray, Rows, Rows]:
+    """Solve the front with all points of the line, and with fewer on a finer mesh.
+
+    Returns
+    -------
+    machines : list of Machine, (n,)
+        Without those that are no part of the front where all points are solved.
+    places : ndarray, (n, d)
+    rows, finer : dict of ndarray, (n,)
+    """
+    told = progress or (lambda _: None)
+    if not machines:
+        told(2 * FRONT)
+        return machines, places, empty_rows(0), empty_rows(0)
+    folder = None if checkpoint is None else checkpoint / "front"
+    parts: dict[str, Any] = {"chunk": 1, "checkpoint": folder}
+    parts |= {"workers": workers, "cluster": cluster}
+    plan = {"front": [m.to_dict() for m in machines]}
+    with looker(look, machines[0].design, FRONT, plan, progress=progress, **parts) as solve:
+        rows = solve(machines)
+    told(FRONT - len(machines))
+    chosen = front_of(*judge(rows))
+    machines, places = [machines[k] for k in chosen], places[chosen]
+    rows = {name: values[chosen] for name, values in rows.items()}
+    found: dict[int, dict[str, Any]] = {}
+    with cluster_or_processes(workers, look.settings, machines[0].design, cluster) as parallel:
+        for k, row in parallel(
+            joblib.delayed(_finer_row)(k, m, wide) for k, m in enumerate(machines)
+        ):
+            found[k] = row
+            told(1)
+    told(FRONT - len(machines))
+    order = range(len(machines))
+    finer = {name: np.array([found[k][name] for k in order], dtype) for name, dtype in ROW.items()}
+    return machines, places, rows, finer
+
+
+def _shares(
     machines: Sequence[Machine],
     look: Look,
     tolerances: Tolerances,
@@ -764,49 +817,30 @@ def _confirm(
     workers: int,
     cluster: str | None,
     progress: Callable[[int], None] | None,
-) -> tuple[Rows, np.ndarray]:
-    """Solve the front on a finer mesh, and machines within its tolerances; rows (n,), and shares
-    of good ones with their intervals (n, 3).
-    """
-    told = progress or (lambda _: None)
-    found: dict[int, dict[str, Any]] = {}
-    if not machines:
-        told(FRONT)
-        return empty_rows(0), np.empty((0, 3))
-    with cluster_or_processes(workers, look.settings, machines[0].design, cluster) as parallel:
-        for k, row in parallel(
-            joblib.delayed(_finer_row)(k, m, look) for k, m in enumerate(machines)
-        ):
-            found[k] = row
-            told(1)
-    told(FRONT - len(machines))
-    rows = {
-        name: np.array([found[k][name] for k in range(len(machines))], dtype)
-        for name, dtype in ROW.items()
-    }
+) -> np.ndarray:
+    """Solve machines within the tolerances; the shares of good ones with intervals, (n, 3)."""
     shares = np.full((len(machines), 3), math.nan)
-    if tolerances:
-        alone = dataclasses.replace(look, axis="")
-        quantiles = draw(tolerances, DRAWN, seed)
-        drawn = [_drawn(machine, tolerances, quantiles) for machine in machines]
-        plan = {"front": [m.to_dict() for m in machines], "seed": seed}
-        plan |= {"tolerances": {t.name: t.text for t in tolerances}}
-        folder = None if checkpoint is None else checkpoint / "drawn"
-        with looker(
-            alone,
-            machines[0].design,
-            DRAWN * len(machines),
-            plan,
-            checkpoint=folder,
-            workers=workers,
-            cluster=cluster,
-            progress=progress,
-        ) as solve:
-            for k, some in enumerate(drawn):
-                if some:
-                    good = int((solve(some)["grade"] == GOOD).sum())
-                    shares[k] = good / DRAWN, *wilson(good, DRAWN)
-    return rows, shares
+    alone = dataclasses.replace(look, axis="")
+    quantiles = draw(tolerances, DRAWN, seed)
+    drawn = [_drawn(machine, tolerances, quantiles) for machine in machines]
+    plan = {"front": [m.to_dict() for m in machines], "seed": seed}
+    plan |= {"tolerances": {t.name: t.text for t in tolerances}}
+    folder = None if checkpoint is None else checkpoint / "drawn"
+    with looker(
+        alone,
+        machines[0].design,
+        DRAWN * len(machines),
+        plan,
+        checkpoint=folder,
+        workers=workers,
+        cluster=cluster,
+        progress=progress,
+    ) as solve:
+        for k, some in enumerate(drawn):
+            if some:
+                good = int((solve(some)["grade"] == GOOD).sum())
+                shares[k] = good / DRAWN, *wilson(good, DRAWN)
+    return shares
 
 
 def _drawn(machine: Machine, tolerances: Tolerances, quantiles: np.ndarray) -> list[Machine]:
@@ -821,7 +855,7 @@ def steps(screened: int, solved: int, tolerances: bool) -> int:
     """Return how many machines :func:`improve` counts at most."""
     predicting, solving = _generations(screened, solved)
     both = FIRST + SURVIVORS + CAPS * POPULATION * (predicting + solving)
-    return both + FRONT + (FRONT * DRAWN if tolerances else 0)
+    return both + 2 * FRONT + (FRONT * DRAWN if tolerances else 0)
 
 
 def _plain_rows(rows: Rows) -> dict[str, list[Any]]:

@@ -31,7 +31,7 @@ from spab_core.trajectory.settings import Settings
 
 AXES = ("speed", "mass")  # of a margin
 REACH, REACHES = 1.5, (1.01, 10.0)  # of the short line, over the machine's own value
-SPACING = 1.08  # of its points
+SPACING, SPACINGS = 1.08, (1.001, 2.0)  # of its points
 PRECISION = 0.01  # width of the bracket, over the value there
 OVERLOADED = "load not carried"  # a kind of trouble besides those of the assessment
 CHUNK = 8  # machines solved between two checkpoints
@@ -70,6 +70,8 @@ class Look:
         allowed; 1: its own alone.
     precision : float
         Largest width of the bracket of the line's end, over the value there.
+    spacing : float
+        Largest ratio of one point of the line to the one before it.
     limits : Limits
     settings : Settings
     """
@@ -78,16 +80,18 @@ class Look:
     reach: float = REACH
     load: float = 1.0
     precision: float = PRECISION
+    spacing: float = SPACING
     limits: Limits = DEFAULT_LIMITS
     settings: Settings = dataclasses.field(default_factory=Settings)
 
     def check(self) -> None:
-        """Raise :class:`InputError` for an axis or a reach that is not allowed."""
+        """Raise :class:`InputError` for a value that is not allowed."""
         if self.axis:
             check_choice("axis", self.axis, AXES)
         check_number("reach", self.reach, *REACHES)
         check_number("load", self.load, 1.0, 100.0)
         check_number("precision", self.precision, 1e-4, 0.1)
+        check_number("spacing", self.spacing, *SPACINGS)
         self.settings.check_cold_start()
 
     def to_dict(self) -> dict[str, Any]:
@@ -98,7 +102,9 @@ class Look:
     def from_dict(cls, data: dict[str, Any]) -> Look:
         """Read what :meth:`to_dict` returns."""
         limits, settings = Limits(**data["limits"]), Settings(**data["settings"])
-        return cls(data["axis"], data["reach"], data["load"], data["precision"], limits, settings)
+        spacing = data.get("spacing", SPACING)  # which files of earlier versions lack
+        line = data["axis"], data["reach"], data["load"], data["precision"], spacing
+        return cls(*line, limits, settings)
 
     def carries(self, machine: Machine) -> bool:
         """Whether a machine carries :attr:`load` times its mass at rest."""
@@ -125,7 +131,7 @@ def _gravest(kinds: dict[str, str]) -> str:
 def look_at(machine: Machine, look: Look) -> dict[str, Any]:
     """Solve a machine and the short line from it upwards.
 
-    The line is solved from rest at points :data:`SPACING` apart until trouble to be avoided
+    The line is solved from rest at points :attr:`Look.spacing` apart until trouble to be avoided
     begins, which is then bisected. A machine that is to be avoided itself has the margin 0 and no
     line.
 
@@ -196,7 +202,7 @@ def _line(machine: Machine, look: Look) -> dict[str, Any]:
         kinds = _troubles(_solve(machine, factor, look), look.limits)
         return _gravest({k: g for k, g in kinds.items() if g == GRADES[AVOID]})
 
-    count = max(math.ceil(math.log(end) / math.log(SPACING) - 1e-9), 0)
+    count = max(math.ceil(math.log(end) / math.log(look.spacing) - 1e-9), 0)
     for k in range(1, count + 1):
         factor = end ** (k / count)
         meets = avoided(factor)

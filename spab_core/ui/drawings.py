@@ -34,6 +34,7 @@ from spab_core.design.tolerances import (
 from spab_core.drawings.drivers import CONFIDENCE
 from spab_core.drawings.improve import DRAWN as DRAWN_WITHIN
 from spab_core.drawings.improve import (
+    SEARCHED,
     WISHES,
     Improvement,
     Ranges,
@@ -423,7 +424,8 @@ def _confirmation(found: Improvement, k: int) -> None:
     finer = found.finer
     words = (
         f"Solved: {GRADES[found.rows['grade'][k]]}, margin +{100 * found.rows['margin'][k]:.0f} %; "
-        f"on a finer mesh {GRADES[finer['grade'][k]]}, +{100 * finer['margin'][k]:.0f} %."
+        f"on a finer mesh, at points {100 * (SEARCHED - 1):.0f} % apart, "
+        f"{GRADES[finer['grade'][k]]}, +{100 * finer['margin'][k]:.0f} %."
     )
     share, low, high = found.shares[k]
     grade = GRADES[finer["grade"][k]] if found.confirmed[k] else "avoid"
