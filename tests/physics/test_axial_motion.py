@@ -157,6 +157,7 @@ def test_the_exponent_is_that_of_the_whole():
     assert point.mle.value == pytest.approx(2.0 * math.pi * values.real.max(), rel=2e-3, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_run_under_load_comes_to_the_static_position(tmp_path):
     """Load raised over the ramp; then the journal whirls about the position that statics tells, and
     the thinnest film is where that of both displacements is.

@@ -225,6 +225,7 @@ def test_coefficients_at_the_whirl_frequency_balance_the_rotor_there():
     assert abs(np.linalg.det(dynamic)) < 1e-4 * np.abs(dynamic).max() ** 2
 
 
+@pytest.mark.slow
 def test_mesh_convergence(design):
     """A loaded journal: faster than any order."""
     fine = impedance(design, 10.0, 2.0, Mesh(6, 48)).at(0.5j)

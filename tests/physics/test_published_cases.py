@@ -99,6 +99,7 @@ def test_small_eccentricity_of_ausman(bearing_number, real, imaginary, whirl):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["sphere", "cylinder"])
 def test_narrow_bearing_of_dubois_and_ocvirk(shape):
     """To 0.7 % up to an eccentricity of 0.95 at 1 degree, at 90 degrees to the displacement; of

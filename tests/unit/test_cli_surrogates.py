@@ -97,6 +97,7 @@ def test_predict_says_how_sure_it_is(capsys, tmp_path, map_file):
     assert "too few" in found.err and json.loads(found.out)["interval_90"] is None
 
 
+@pytest.mark.slow
 def test_evaluate_regimes_and_intervals_and_blocks(capsys, tmp_path, map_file):
     out = tmp_path / "u.csv"
     argv = ["evaluate", "--map", map_file, "--divisors", "2", "--seeds", "2"]

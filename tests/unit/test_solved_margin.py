@@ -120,6 +120,7 @@ def test_the_limits_of_a_fed_machine(machine):
     assert any("can be missed" in text for text in machine.sentences())
 
 
+@pytest.mark.slow
 def test_some_axes_alone_say_what_they_say_among_all():
     """At 2 kg, Λ 1.5, a short way: what the others find does not reach into their limits."""
     where = MACHINE, 2.0, 1.5
