@@ -10,6 +10,7 @@ within them.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import math
@@ -17,7 +18,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import joblib
 import numpy as np
@@ -29,6 +30,7 @@ from spab_core.common.errors import DesignError, InputError
 from spab_core.common.files import write_atomically
 from spab_core.common.validation import check_choice, check_number
 from spab_core.design.form import unused
+from spab_core.design.model import Design
 from spab_core.design.tolerances import (
     VALUES,
     Machine,
@@ -38,6 +40,7 @@ from spab_core.design.tolerances import (
 )
 from spab_core.drawings.drivers import wilson
 from spab_core.drawings.look import (
+    CHUNK,
     ROW,
     Look,
     Rows,
@@ -654,30 +657,15 @@ def improve(
     began, holds = time.perf_counter(), holds or Holds()
     look = look or Look(reach=REACH, precision=PRECISION)
     check_improve(machine, ranges, wishes, look, tolerances, screened, solved)
-    space, asked = Space(machine, ranges), [WISHES[w] for w in wishes]
-    predicting, solving = _generations(screened, solved)
-    told = progress or (lambda _: None)
+    means = _Means(checkpoint, workers, cluster, progress)
+    space = Space(machine, ranges)
 
     def judge(rows: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
-        costs = np.column_stack([w.cost(rows[w.column]) for w in asked])
+        costs = np.column_stack([WISHES[w].cost(rows[WISHES[w].column]) for w in wishes])
         return costs, holds.violation(rows)
 
-    with cluster_or_processes(workers, look.settings, machine.design, cluster) as parallel:
-
-        def predict(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            machines = [space.machine_at(p) for p in places]
-            jobs = (
-                joblib.delayed(_screen_chunk)(k, machines[k : k + 4], look)
-                for k in range(0, len(machines), 4)
-            )
-            parts = dict(parallel(jobs))
-            told(len(places))
-            return judge(_columns([row for k in sorted(parts) for row in parts[k]]))
-
-        first = np.asarray(qmc.Sobol(len(ranges), scramble=True, seed=seed).random(FIRST))
-        first[0] = space.place(machine.values())
-        predicted = _evolve(first, predict, predicting, seed)
-    begin = _best_places(predicted, SURVIVORS)
+    predicting, solving = _generations(screened, solved)
+    predicted = _predict(space, look, judge, predicting, seed, means)
     plan = {
         "machine": machine.to_dict(),
         "ranges": {name: list(b) for name, b in ranges.items()},
@@ -686,42 +674,17 @@ def improve(
         "seed": seed,
         "screened": screened,
     }
-    kept: list[Rows] = []
     wide = dataclasses.replace(look, spacing=max(look.spacing, SEARCHED))
-    with looker(
-        wide,
-        machine.design,
-        SURVIVORS + CAPS * POPULATION * solving,
-        plan,
-        chunk=2,
-        checkpoint=checkpoint,
-        workers=workers,
-        cluster=cluster,
-        progress=progress,
-    ) as solve:
-
-        def solve_places(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            # where the values together are no design, the machine to begin with stands in: it is
-            # no better than itself
-            machines = [space.machine_at(p) or machine for p in places]
-            kept.append(solve(machines))
-            return judge(kept[-1])
-
-        tried = _evolve(begin, solve_places, solving, seed)
-        before = look_at(machine, look)
-    places, costs, missed = tried.places, tried.costs, tried.missed
+    begin = _best_places(predicted, SURVIVORS)
+    tried, troubles = _solve(space, wide, judge, begin, solving, seed, plan, means)
+    places = tried.places
     valid = np.array([space.machine_at(p) is not None for p in places])
-    found = front_of(costs, np.where(valid, missed, math.inf))
-    front = places[_thinned(found, costs)]
-    machines = [space.machine_at(place) or machine for place in front]
-    machines, front, rows, finer = _confirm(
-        machines, front, look, wide, judge, checkpoint, workers, cluster, progress
+    found = front_of(tried.costs, np.where(valid, tried.missed, math.inf))
+    front, rows, finer = _confirm(
+        space, places[_thinned(found, tried.costs)], look, wide, judge, means
     )
-    shares = np.full((len(machines), 3), math.nan)
-    if tolerances and machines:
-        shares = _shares(machines, look, tolerances, seed, checkpoint, workers, cluster, progress)
-    values = np.array([list(space.values(place).values()) for place in front])
-    values = values.reshape(-1, len(ranges))
+    machines = [space.machine_at(place) or machine for place in front]
+    values = [list(space.values(place).values()) for place in front]
     return Improvement(
         machine,
         dict(ranges),
@@ -730,16 +693,94 @@ def improve(
         holds,
         tolerances,
         seed,
-        before,
-        values,
+        look_at(machine, look),
+        np.array(values).reshape(-1, len(ranges)),
         rows,
         finer,
-        shares,
+        _shares(machines, look, tolerances, seed, means),
         len(predicted.places),
         len(places),
-        _kinds(np.concatenate([b["trouble"] for b in kept])),
+        _kinds(troubles),
         time.perf_counter() - began,
     )
+
+
+class _Means(NamedTuple):
+    """Where machines are solved, what is kept of them, and who is told."""
+
+    checkpoint: Path | None
+    workers: int
+    cluster: str | None
+    progress: Callable[[int], None] | None
+
+    def told(self, count: int) -> None:
+        if self.progress:
+            self.progress(count)
+
+    def processes(self, look: Look, design: Design) -> contextlib.AbstractContextManager[Any]:
+        return cluster_or_processes(self.workers, look.settings, design, self.cluster)
+
+    def looker(
+        self, look: Look, design: Design, most: int, plan: dict[str, Any], part: str, chunk: int
+    ) -> contextlib.AbstractContextManager[Callable[[Sequence[Machine]], Rows]]:
+        return looker(
+            look,
+            design,
+            most,
+            plan,
+            chunk=chunk,
+            checkpoint=self.checkpoint and self.checkpoint / part,
+            workers=self.workers,
+            cluster=self.cluster,
+            progress=self.progress,
+        )
+
+
+def _predict(
+    space: Space, look: Look, judge: Judge, generations: int, seed: int, means: _Means
+) -> _Asked:
+    """Search among predictions of linear theory, from Sobol' points on."""
+    with means.processes(look, space.machine.design) as parallel:
+
+        def predict(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            machines = [space.machine_at(p) for p in places]
+            jobs = (
+                joblib.delayed(_screen_chunk)(k, machines[k : k + 4], look)
+                for k in range(0, len(machines), 4)
+            )
+            parts = dict(parallel(jobs))
+            means.told(len(places))
+            return judge(_columns([row for k in sorted(parts) for row in parts[k]]))
+
+        first = np.asarray(qmc.Sobol(len(space.names), scramble=True, seed=seed).random(FIRST))
+        first[0] = space.place(space.machine.values())
+        return _evolve(first, predict, generations, seed)
+
+
+def _solve(
+    space: Space,
+    look: Look,
+    judge: Judge,
+    begin: np.ndarray,
+    generations: int,
+    seed: int,
+    plan: dict[str, Any],
+    means: _Means,
+) -> tuple[_Asked, np.ndarray]:
+    """Search among solved machines, from places (n, d) on; and the gravest trouble of each."""
+    troubles: list[np.ndarray] = []
+    most = SURVIVORS + CAPS * POPULATION * generations
+    with means.looker(look, space.machine.design, most, plan, "", 2) as solve:
+
+        def solve_places(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            # where the values together are no design, the machine to begin with stands in: it is
+            # no better than itself
+            rows = solve([space.machine_at(p) or space.machine for p in places])
+            troubles.append(rows["trouble"])
+            return judge(rows)
+
+        tried = _evolve(begin, solve_places, generations, seed)
+    return tried, np.concatenate(troubles)
 
 
 def _kinds(troubles: np.ndarray) -> dict[str, float]:
@@ -762,80 +803,50 @@ def _finer_row(name: int, machine: Machine, look: Look) -> tuple[int, dict[str, 
 
 
 def _confirm(
-    machines: list[Machine],
-    places: np.ndarray,
-    look: Look,
-    wide: Look,
-    judge: Judge,
-    checkpoint: Path | None,
-    workers: int,
-    cluster: str | None,
-    progress: Callable[[int], None] | None,
-) -> tuple[list[Machine], np.ndarray, Rows, Rows]:
+    space: Space, front: np.ndarray, look: Look, wide: Look, judge: Judge, means: _Means
+) -> tuple[np.ndarray, Rows, Rows]:
     """Solve the front with all points of the line, and with fewer on a finer mesh.
 
     Returns
     -------
-    machines : list of Machine, (n,)
-        Without those that are no part of the front where all points are solved.
-    places : ndarray, (n, d)
+    front : ndarray, (n, d)
+        Places without those that are no part of the front where all points are solved.
     rows, finer : dict of ndarray, (n,)
     """
-    told = progress or (lambda _: None)
-    if not machines:
-        told(2 * FRONT)
-        return machines, places, empty_rows(0), empty_rows(0)
-    folder = None if checkpoint is None else checkpoint / "front"
-    parts: dict[str, Any] = {"chunk": 1, "checkpoint": folder}
-    parts |= {"workers": workers, "cluster": cluster}
+    if not len(front):
+        means.told(2 * FRONT)
+        return front, empty_rows(0), empty_rows(0)
+    machines = [space.machine_at(place) or space.machine for place in front]
     plan = {"front": [m.to_dict() for m in machines]}
-    with looker(look, machines[0].design, FRONT, plan, progress=progress, **parts) as solve:
+    with means.looker(look, space.machine.design, FRONT, plan, "front", 1) as solve:
         rows = solve(machines)
-    told(FRONT - len(machines))
-    chosen = front_of(*judge(rows))
-    machines, places = [machines[k] for k in chosen], places[chosen]
-    rows = {name: values[chosen] for name, values in rows.items()}
+    chosen = front_of(*judge(rows)).tolist()
     found: dict[int, dict[str, Any]] = {}
-    with cluster_or_processes(workers, look.settings, machines[0].design, cluster) as parallel:
-        for k, row in parallel(
-            joblib.delayed(_finer_row)(k, m, wide) for k, m in enumerate(machines)
-        ):
+    with means.processes(look, space.machine.design) as parallel:
+        for k, row in parallel(joblib.delayed(_finer_row)(k, machines[k], wide) for k in chosen):
             found[k] = row
-            told(1)
-    told(FRONT - len(machines))
-    order = range(len(machines))
-    finer = {name: np.array([found[k][name] for k in order], dtype) for name, dtype in ROW.items()}
-    return machines, places, rows, finer
+            means.told(1)
+    means.told(2 * FRONT - len(machines) - len(chosen))
+    finer = {name: np.array([found[k][name] for k in chosen], t) for name, t in ROW.items()}
+    return front[chosen], {name: values[chosen] for name, values in rows.items()}, finer
 
 
 def _shares(
-    machines: Sequence[Machine],
-    look: Look,
-    tolerances: Tolerances,
-    seed: int,
-    checkpoint: Path | None,
-    workers: int,
-    cluster: str | None,
-    progress: Callable[[int], None] | None,
+    machines: Sequence[Machine], look: Look, tolerances: Tolerances, seed: int, means: _Means
 ) -> np.ndarray:
-    """Solve machines within the tolerances; the shares of good ones with intervals, (n, 3)."""
+    """Solve machines within the tolerances; the shares of good ones with intervals, (n, 3), nan
+    without tolerances.
+    """
     shares = np.full((len(machines), 3), math.nan)
+    if not (tolerances and len(machines)):
+        return shares
     alone = dataclasses.replace(look, axis="")
     quantiles = draw(tolerances, DRAWN, seed)
     drawn = [_drawn(machine, tolerances, quantiles) for machine in machines]
     plan = {"front": [m.to_dict() for m in machines], "seed": seed}
     plan |= {"tolerances": {t.name: t.text for t in tolerances}}
-    folder = None if checkpoint is None else checkpoint / "drawn"
-    with looker(
-        alone,
-        machines[0].design,
-        DRAWN * len(machines),
-        plan,
-        checkpoint=folder,
-        workers=workers,
-        cluster=cluster,
-        progress=progress,
-    ) as solve:
+    most = DRAWN * len(machines)
+    with means.looker(alone, machines[0].design, most, plan, "drawn", CHUNK) as solve:
         for k, some in enumerate(drawn):
             if some:
                 good = int((solve(some)["grade"] == GOOD).sum())
