@@ -29,6 +29,35 @@ SECTIONS: dict[str, dict[str, str]] = {  # names of files in pages/, without the
     },
     "Reference": {"About_the_model": "Model and validation"},
 }
+# A value typed and a link clicked at once: the browser may send the page first, or the server may
+# take both as one, and then value or page is lost. The link waits until the value has been taken.
+LINKS_WAIT = """<script>
+if (!window.spabLinksWait) {
+  window.spabLinksWait = true;
+  const least = 300, most = 2000;  // ms
+  let typed = false, left = -least;
+  document.addEventListener("input", () => { typed = true; }, true);
+  document.addEventListener("focusout", () => {
+    if (typed) left = performance.now();
+    typed = false;
+  }, true);
+  document.addEventListener("click", event => {
+    const link = event.target.closest?.("a[data-testid=stPageLink-NavLink]");
+    const apart = event.ctrlKey || event.metaKey || event.shiftKey;
+    if (!link || apart || !event.isTrusted || performance.now() - left >= least) return;
+    event.preventDefault();
+    event.stopPropagation();
+    const same = `a[data-testid=stPageLink-NavLink][href="${link.getAttribute("href")}"]`;
+    const go = () => {
+      const waited = performance.now() - left;
+      const state = document.querySelector("[data-testid=stApp]")?.dataset.testScriptState;
+      if (waited < least || (state !== "notRunning" && waited < most)) setTimeout(go, 50);
+      else document.querySelector(same)?.click();  // perhaps drawn anew
+    };
+    go();
+  }, true);
+}
+</script>"""
 LABELS = {name: label for pages in SECTIONS.values() for name, label in pages.items()}
 
 

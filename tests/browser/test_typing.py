@@ -48,3 +48,19 @@ def test_values_typed_one_after_the_other_all_stand(chromium, tools, tmp_path):
         enter("Rotor mass, kg", "3.5")
         page.get_by_text("solved 3.5 1.7").wait_for(timeout=20_000)
         assert page.get_by_label("Name of the design", exact=True).input_value() == "mine"
+
+
+def test_a_value_typed_and_a_link_clicked_at_once_both_count(chromium, tools, tmp_path):
+    script, other = tmp_path / "slow.py", tmp_path / "pages" / "1_Operating_point.py"
+    other.parent.mkdir()
+    script.write_text(SLOW)
+    other.write_text(SLOW.replace("1.0", "0.1").replace("Slow", "Other"))
+    with tools.dashboard(script) as address, tools.browser_page() as page:
+        for mass in ("2.5", "3", "3.5"):
+            page.goto(address)
+            page.get_by_text("solved 4.52 3.45").wait_for(timeout=60_000)
+            page.get_by_label("Rotor mass, kg", exact=True).fill(mass)
+            page.get_by_role("link", name="Motion in detail").click()
+            page.get_by_role("heading", name="Other").wait_for(timeout=20_000)
+            page.get_by_text(f"solved {mass} 3.45").wait_for(timeout=20_000)
+            assert page.url.endswith(f"/Operating_point?rotor_mass={mass}")
