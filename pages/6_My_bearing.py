@@ -16,6 +16,7 @@ from spab_core.ui.bearing import (
     derived_now,
     over_speed,
     over_whirl,
+    speed_range,
 )
 from spab_core.ui.design_form import design_fields, design_files
 from spab_core.ui.point_bar import point_bar
@@ -179,7 +180,7 @@ with right:
                 mass,
                 number,
                 f"spab design coefficients{design_option()} --rotor-mass {mass:g} --rpm "
-                f"{0.25 * found.speed_rpm:.0f}:{1.5 * found.speed_rpm:.0f}:26 --out bearing.json",
+                f"{speed_range(design, number)} --out bearing.json",
             )
         if against == AGAINST[0]:
             with errors_in_words():

@@ -9,7 +9,6 @@ import shlex
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -162,11 +161,7 @@ def _presets(args: Namespace) -> Answer:
 def _new(args: Namespace) -> Answer:
     chosen = preset(args.preset)
     check_output(args.out, "--out", (".toml",))
-    if Path(args.out).exists() and not args.force:
-        raise InputError(
-            f"--out = {args.out[:200]!r} is there already: give another name, or --force to "
-            "replace it"
-        )
+    options.check_new(args.out, "--out", args.force)
     save_design(chosen.design, args.out)
     if not args.json:
         print(

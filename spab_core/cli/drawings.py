@@ -22,7 +22,7 @@ from spab_core.common.files import check_output
 from spab_core.common.units import to_rpm
 from spab_core.common.validation import check_choice, check_number
 from spab_core.design.form import bearing_number_of
-from spab_core.design.model import Design, design_file, save_design
+from spab_core.design.model import Design, save_design
 from spab_core.design.tolerances import (
     Machine,
     Tolerances,
@@ -51,8 +51,7 @@ NO_LINE = "none"
 def _add_machine(parser: Parser) -> None:
     options.add(parser, "--rotor-mass", required=True)
     speed = parser.add_mutually_exclusive_group(required=True)
-    speed.add_argument("--rpm", type=options.number, help="shaft speed")
-    options.add(speed, "--bearing-number")
+    options.add(speed, "--rpm", "--bearing-number")
     parser.add_argument(
         "--within",
         nargs=2,
@@ -170,6 +169,9 @@ def add_improve_options(parser: Parser) -> None:
     parser.add_argument(
         "--best-out", metavar="FILE.toml", help="write the design with most of the first wish"
     )
+    parser.add_argument(
+        "--force", action="store_true", help="replace a file of --best-out that is there"
+    )
     options.add(parser, *_SOLVER)
     options.add_limits(parser)
 
@@ -202,7 +204,7 @@ def tolerances_of(args: Namespace) -> Tolerances:
         given[key] = text
     found = {t.name: t for t in parse_tolerances(given)}
     if args.design is not None:
-        for t in read_tolerances(design_file(args.design), args.design):
+        for t in read_tolerances(options.design_bytes(args), args.design):
             found.setdefault(t.name, t)
     return tuple(found.values())
 
@@ -220,7 +222,7 @@ def _run(args: Namespace, look: Look, machine: Machine, total: int) -> Iterator[
     check_number("--seed", args.seed, 0, options.MAX_SEED)
     cluster = check_cluster(args.dask or "") or None
     if args.out is not None:
-        check_output(args.out, "--out")
+        check_output(args.out, "--out", (".json",))
     parts = Path(f"{args.out}.parts")
     say_compiling(look.settings, machine.design)
     compile_once(look.settings, machine.design)
@@ -278,7 +280,8 @@ def design_improve(args: Namespace, design: Design) -> Answer:
     ranges = ranges_of(args, machine)
     better.check_improve(machine, ranges, wishes, look, tolerances, args.screened, args.solved)
     if args.best_out is not None:
-        check_output(args.best_out, "--best-out")
+        check_output(args.best_out, "--best-out", (".toml",))
+        options.check_new(args.best_out, "--best-out", args.force)
     total = better.steps(args.screened, args.solved, bool(tolerances))
     with _run(args, look, machine, total) as run:
         found = improve(

@@ -6,6 +6,7 @@ import contextlib
 import importlib
 import json
 import sys
+from argparse import Namespace
 from pathlib import Path
 
 from spab_core._version import __version__
@@ -44,6 +45,33 @@ def _build_parser(command: str = "") -> Parser:
 
 
 _OUTPUTS = ("out", "map_out", "orbit", "best_out")  # options that name a file to write
+_INPUTS = ("design", "map")  # and one to read, which none of these may be
+
+
+def _check_outputs(args: Namespace) -> None:
+    """Raise :class:`InputError` where a file cannot be written, or is another file of the
+    command.
+    """
+
+    def told(name: str) -> str:
+        return f"--{name.replace('_', '-')} = {getattr(args, name)[:200]!r}"
+
+    given = [n for n in (*_INPUTS, *_OUTPUTS) if isinstance(getattr(args, n, None), str)]
+    for name in _OUTPUTS:
+        if name not in given or not getattr(args, name):
+            continue
+        check_writable(Path(getattr(args, name)).parent, told(name))
+        for other in given[: given.index(name)]:
+            if _same(getattr(args, name), getattr(args, other)):
+                what = "to read" if other in _INPUTS else f"of --{other.replace('_', '-')} too"
+                raise InputError(f"{told(name)} is the file {what}: give another name")
+
+
+def _same(one: str, other: str) -> bool:
+    try:
+        return Path(one).resolve() == Path(other).resolve() or Path(one).samefile(other)
+    except (OSError, ValueError):
+        return False
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -59,12 +87,7 @@ def main(argv: list[str] | None = None) -> int:
         if value == []:  # what argparse of Python 3.11 makes of --name=--
             parser.error(f"--{name.replace('_', '-')} = '--' is not allowed")
     try:
-        for name in _OUTPUTS:
-            if getattr(args, name, None):
-                check_writable(
-                    Path(getattr(args, name)).parent,
-                    f"--{name.replace('_', '-')} = {getattr(args, name)[:200]!r}",
-                )
+        _check_outputs(args)
         answer = args.run(args)
     except InputError as error:
         print(f"{args.prog}: {' '.join(str(error).split())}", file=sys.stderr)

@@ -209,18 +209,9 @@ def _export(args: Namespace) -> Answer:
     ending = Path(args.out).suffix.lower()
     if args.semicolons and ending != ".csv":
         raise InputError("--semicolons belongs to a table, --out FILE.csv")
-    if _same(args.map, args.out):
-        raise InputError(f"--out = {args.out[:200]!r} is the file to export: give another name")
     found = result_dataset(args.map)
     data = csv_bytes(found.table, True) if args.semicolons else WRITERS[ending](found)
     write_atomically(args.out, data)
     if not args.json:
         print(f"{args.out}: {found.title.split(' of ')[0].lower()}, {len(data) / 1e6:.2f} MB")
     return {"out": args.out, "bytes": len(data)}
-
-
-def _same(one: str, other: str) -> bool:
-    try:
-        return Path(one).samefile(other)
-    except (OSError, ValueError):
-        return False

@@ -60,6 +60,9 @@ def add_commands(commands: Commands) -> None:
     )
     options.add(sub, "--workers", *options.SOLVER)
     options.add_limits(sub)
+    solving = [n for n in options.SOLVER if n not in ("--design", "--preset")]
+    limits = [name for name, *_ in options.LIMITS]
+    options.set_unused(sub, ("--points", "--precision", "--workers", *solving, *limits))
 
 
 def _margin(args: Namespace) -> Answer:
@@ -104,6 +107,7 @@ def _solved(args: Namespace) -> Answer:
 def _read_off(args: Namespace) -> Answer:
     if args.design is not None or args.preset is not None:
         raise InputError("a map has its own design: give either --map, or --design or --preset")
+    options.check_unused(args, "not allowed with --map, whose values are read")
     m = load_reference_map() if args.map is True else load_map(args.map)
     number = _number(args, m.design)
     found = margin(m, args.rotor_mass, number)

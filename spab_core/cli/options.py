@@ -6,7 +6,8 @@ import argparse
 import dataclasses
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
 import numpy as np
@@ -180,7 +181,7 @@ def add_limits(parser: argparse._ActionsContainer) -> None:
         usual = getattr(DEFAULT_LIMITS, attribute)
         left_out = "" if usual is None else f"; default: {usual / unit:g}"
         parser.add_argument(
-            name, type=number, dest=f"limit_{attribute}", metavar="X", help=text + left_out
+            name, type=number, dest=destination(name), metavar="X", help=text + left_out
         )
 
 
@@ -286,7 +287,8 @@ def add(parser: argparse._ActionsContainer, *names: str, **changes: Any) -> None
 
 def destination(option: str) -> str:
     """Return the name of an option's value among the arguments."""
-    return option.removeprefix("--").replace("-", "_")
+    limit = next((attribute for name, attribute, *_ in LIMITS if name == option), None)
+    return f"limit_{limit}" if limit else option.removeprefix("--").replace("-", "_")
 
 
 def settings_of(args: argparse.Namespace) -> Settings:
@@ -299,6 +301,34 @@ def settings_of(args: argparse.Namespace) -> Settings:
         args.tolerance,
         not args.full_length,
     )
+
+
+def set_unused(parser: Parser, names: Iterable[str]) -> None:
+    """Note the options that some use of a command does not ask for (:func:`check_unused`)."""
+    unused = {name: parser.get_default(destination(name)) for name in names}
+    parser.set_defaults(unused=unused)
+
+
+def check_unused(args: argparse.Namespace, why: str) -> None:
+    """Raise :class:`InputError` where one of the options of :func:`set_unused` is given."""
+    given = [n for n, usual in args.unused.items() if getattr(args, destination(n)) != usual]
+    if given:
+        raise InputError(f"{', '.join(given)}: {why}")
+
+
+def check_new(path: str, name: str, force: bool) -> None:
+    """Raise :class:`InputError` where the file of an option is there and may not be replaced."""
+    if Path(path).exists() and not force:
+        raise InputError(
+            f"{name} = {path[:200]!r} is there already: give another name, or --force to replace it"
+        )
+
+
+def design_bytes(args: argparse.Namespace) -> bytes:
+    """Return the bytes of --design, read once: from a pipe they come but once."""
+    if "design_read" not in args:
+        args.design_read = design_file(args.design)
+    return bytes(args.design_read)
 
 
 def design_of(args: argparse.Namespace) -> Design:
@@ -316,7 +346,7 @@ def design_of(args: argparse.Namespace) -> Design:
         return preset(name).design
     if args.design is None:
         return reference_design()
-    data = design_file(args.design)
+    data = design_bytes(args)
     design = read_design_bytes(data, args.design)
     for remark in design_remarks(data):
         print(f"spab: design file {args.design[:200]!r}: {remark}", file=sys.stderr)

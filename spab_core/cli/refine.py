@@ -60,8 +60,7 @@ def add_commands(commands: Commands) -> None:
     )
     options.add(sub, "--workers", "--dask", *options.SOLVER)
     solving = ("--bearing-number", "--rpm", "--rotor-mass", "--workers", "--dask", *options.SOLVER)
-    unused = {option: sub.get_default(options.destination(option)) for option in solving}
-    sub.set_defaults(unused_in_a_study=unused)
+    options.set_unused(sub, solving)
 
 
 def _refine(args: Namespace) -> Answer:
@@ -70,15 +69,7 @@ def _refine(args: Namespace) -> Answer:
 
 
 def _study(args: Namespace) -> Answer:
-    given = [
-        option
-        for option, default in args.unused_in_a_study.items()
-        if getattr(args, options.destination(option)) != default
-    ]
-    if given:
-        raise InputError(
-            f"{', '.join(given)}: not allowed with --map, whose plane and values are taken"
-        )
+    options.check_unused(args, "not allowed with --map, whose plane and values are taken")
     m = load_map(args.map)
     check_budget(m.mle.size, args.budget, args.seed)
     table = _table(m.design, m.bearing_number, m.rotor_mass)

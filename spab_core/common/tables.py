@@ -33,10 +33,11 @@ _LONG_NAMES = 100_000  # characters of such a line
 _UNPACKED = 100_000_000  # bytes of a workbook
 _NOT_A_CSV = "not a CSV table"
 _COMMENTS = ("#", "%", "//")
+_ERROR = re.compile(r"#(N/?A|NV|[A-ZÄÖÜ/0]+[!?])(?=$|[\s,;|\"])")  # of a cell, as Excel writes it
 _SPACES = {"two or more spaces": r"\s{2,}", "spaces": r"\s+"}
 _SEPARATORS = (",", ";", "\t", "|", ":", *_SPACES)
 MISSING = frozenset(  # in lower case, as Excel, pandas, R and MATLAB write an empty cell
-    ("", "nan", "na", "n/a", "#n/a", "#na", "null", "none", "<na>", "-nan", "1.#qnan")
+    ("", "nan", "na", "n/a", "#n/a", "#na", "#nv", "null", "none", "<na>", "-nan", "1.#qnan")
 )
 _RULE = re.compile(r"[|+:=\s-]+")  # with three in a row: drawn below the names
 _MARKS = (  # of encodings; that of UTF-32 begins with that of UTF-16
@@ -130,7 +131,8 @@ def read_table(data: bytes, known: Callable[[Sequence[str]], int], most: int) ->
 def _decoded(data: bytes) -> str:
     encoding = next((name for mark, name in _MARKS if data.startswith(mark)), None)
     if encoding is None and len(data) >= 4 and 0 in data[:4]:  # UTF-16 without a mark
-        encoding = "utf-16-be" if data[0] == 0 else "utf-16-le"
+        high, low = data[:400:2].count(0), data[1:400:2].count(0)
+        encoding = "utf-16-be" if high > low else "utf-16-le"
     try:
         if encoding is not None:
             text = data.decode(encoding)
@@ -179,8 +181,13 @@ class _Lines:
                 raise InputError(
                     f"{_NOT_A_CSV}: line {self.number} has more than {_MAX_LINE:,} characters"
                 )
-            if not line.lstrip().startswith(_COMMENTS) and not _is_rule(line.strip()):
+            if not _is_comment(line) and not _is_rule(line.strip()):
                 yield line
+
+
+def _is_comment(line: str) -> bool:
+    begin = line.lstrip()
+    return begin.startswith(_COMMENTS) and not _ERROR.match(begin)
 
 
 def _is_rule(line: str) -> bool:
@@ -210,13 +217,14 @@ def _records(text: str, skip: int, separator: str) -> Iterator[tuple[int, list[s
 
 
 def _text_table(text: str, known: Callable[[Sequence[str]], int], most: int) -> Table:
+    text = _unwrapped(text)
     declared, comment = "", ""
     above: list[tuple[int, str]] = []  # lines that may hold the names
     for number, line in enumerate(io.StringIO(text, newline=None)):
         bare = line.strip("\n\ufeff").strip('"')
         if not above and (found := re.fullmatch(r"sep=([,;|:\t ])", bare, re.IGNORECASE)):
             declared = found[1].replace(" ", "spaces")
-        elif bare.lstrip().startswith(_COMMENTS):
+        elif _is_comment(bare):
             comment = comment if above else bare.lstrip("#%/ ")
         elif bare.strip(",;|\t "):
             above.append((number, line[:_MAX_LINE]))
@@ -251,6 +259,19 @@ def _text_table(text: str, known: Callable[[Sequence[str]], int], most: int) -> 
     return _checked(names, records, separator, most, _left_aside(skip > above[0][0]))
 
 
+_WRAPPED = r'^"([^"\n]*[,;\t|][^"\n]*)"[,; \t]*$'
+
+
+def _unwrapped(text: str) -> str:
+    """Return a text without the quotes around whole lines, where each of its first lines has
+    them.
+    """
+    first = [line for line in itertools.islice(io.StringIO(text), _PREAMBLE) if line.strip()]
+    if first and all(re.match(_WRAPPED, line) for line in first):
+        return re.sub(_WRAPPED, r"\1", text, flags=re.MULTILINE)
+    return text
+
+
 def _left_aside(preamble: bool) -> list[str]:
     return ["lines above the names are left aside"] if preamble else []
 
@@ -267,10 +288,14 @@ def _checked(
         names = names[:-1]
     rows: list[list[str]] = []
     lines: list[int] = []
-    width = len(names)
+    width, shifted = len(names), True
     for line, cells in records:
         if len(rows) == most:
             raise InputError(f"the table has more than {most:,} rows, which is the most allowed")
+        shifted &= len(cells) == width + 1 and cells[0].strip('"') in (
+            str(len(rows)),
+            str(len(rows) + 1),
+        )
         if any(cells[width:]):
             raise InputError(
                 f"{_NOT_A_CSV}: line {line} has {count(len(cells), 'value')}, longer than the "
@@ -278,6 +303,11 @@ def _checked(
             )
         rows.append(cells[:width] + [""] * (width - len(cells)))
         lines.append(line)
+    if shifted and len(rows) > 1 and names[0]:
+        raise InputError(
+            f"{_NOT_A_CSV}: each row has one value more than the line of names and begins with its "
+            "number: give that column a name"
+        )
     return Table(names, rows, lines, separator, notes)
 
 
@@ -344,7 +374,7 @@ def _sheet_rows(sheet: Any, most: int) -> Iterator[tuple[int, list[str]]]:
     rows = sheet.iter_rows(max_row=2 * most, max_col=MAX_COLUMNS, values_only=True)
     for number, row in enumerate(rows, 1):
         cells = ["" if value is None else _bare(str(value)) for value in row]
-        if any(cells) and not cells[0].startswith(_COMMENTS):
+        if any(cells) and not _is_comment(cells[0]):
             yield number, cells
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
+from numbers import Real
+from typing import Any
 
 from spab_core.common.errors import DesignError
 
@@ -43,16 +45,25 @@ def check_number(
     allowed = f"{begin} to {high:g}{unit}"
     if infinite:
         allowed += ", or inf"
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    if isinstance(value, bool) or not isinstance(value, Real):
         raise DesignError(f"{name} must be a number ({allowed}), not {str(value)[:60]!r}")
+    given: Any = value
     try:
-        number = float(value)
+        number = float(given)
     except OverflowError:
-        number = math.inf if value > 0 else -math.inf
+        number = math.inf if given > 0 else -math.inf
     inside = low <= number <= high and not (open_low and number == low)
     if not inside and not (infinite and number == math.inf):
         raise DesignError(f"{name} = {number:g}{unit} is out of range: allowed is {allowed}")
     return number
+
+
+def check_whole(name: str, value: object, low: int, high: int, unit: str = "") -> int:
+    """Return ``value`` as an int; raise as :func:`check_number`, and where it is not whole."""
+    number = check_number(name, value, low, high, unit)
+    if number != int(number):
+        raise DesignError(f"{name} = {number:g} must be a whole number from {low} to {high}")
+    return int(number)
 
 
 def check_choice(name: str, value: object, allowed: Collection[object]) -> None:

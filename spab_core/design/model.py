@@ -660,7 +660,7 @@ def file_values(data: str | bytes) -> dict[str, Any]:
     text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
     try:
         return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # of a number of thousands of digits too
         hint = slips.syntax_hint(text, str(error))
         raise DesignError(f"not a TOML file: {error}{hint and f'; {hint}'}") from None
 

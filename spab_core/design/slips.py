@@ -46,13 +46,15 @@ USUAL: dict[str, tuple[float, float, dict[str, float]]] = {
     ),
     "rotor.shaft_stiffness": (1e5, 1e11, {"N/µm": 1e6, "N/mm": 1e3}),
     "rotor.journal_mass_fraction": (0.01, 0.99, {"%": 1e-2}),
-    "rotor.unbalance_eccentricity": (0.0, 1e-4, {"µm": 1e-6, "mm": 1e-3}),
+    "rotor.unbalance_eccentricity": (0.0, 1e-4, {"mm": 1e-3, "µm": 1e-6}),
+    "rotor.gravity": (0.0, 20.0, {"cm/s²": 1e-2, "mm/s²": 1e-3, "g": 9.80665}),
     "rotor.span": (0.0, 10.0, {"mm": 1e-3}),
     "rotor.transverse_inertia": (0.0, 100.0, {"kg cm²": 1e-4, "kg mm²": 1e-6}),
     "rotor.polar_inertia": (0.0, 100.0, {"kg cm²": 1e-4, "kg mm²": 1e-6}),
     "contact.roughness": (1e-3, 0.1, {"%": 1e-2}),
 }
 LARGEST_CLEARANCE = 1.1e-3  # radial, over the radius; bearings of this kind have 0.3e-3 to 1e-3
+_TYPICAL = {"gas.ambient_pressure": 101325.0, "bearing.permeability": 3e-15}
 _RATIO = "bearing.supply_pressure_ratio"
 _SPELLINGS = {  # of a unit behind a number, in lower case
     **dict.fromkeys(("um", "µm", "micron", "microns", "mikrometer"), 1e-6),
@@ -91,8 +93,8 @@ def meant(key: str, value: float, low: float = -math.inf, high: float = math.inf
     least, most, units = USUAL[key]
     digits = max(3, len(re.sub(r"e.*|\D", "", repr(value)).strip("0")))
     order = list(units.items())
-    if key == "gas.ambient_pressure" and value > 0.0:  # the unit that comes nearest to the air's
-        order.sort(key=lambda unit: abs(math.log(value * unit[1] / 101325.0)))
+    if key in _TYPICAL and value > 0.0:  # the unit that comes nearest to it
+        order.sort(key=lambda unit: abs(math.log(value * unit[1] / _TYPICAL[key])))
     for unit, factor in order:
         if value and max(least, low) <= value * factor <= min(most, high):
             return f"if that is in {unit}, write {value * factor:.{digits}g}"
@@ -168,7 +170,10 @@ def text_hint(key: str, text: str, low: float, high: float) -> str:
     if not unit:
         return f"write {found[1].replace(',', '.')}, without quotes"
     # MPa and mPa differ by nothing but a capital letter
-    factor = {"MPa": 1e6, "mPa s": 1e-3, "mPa*s": 1e-3, "µPa s": 1e-6}.get(unit)
+    bare = re.sub(r"[ *·.]", "", unit)
+    if bare.lower() in ("cst", "mm2/s", "mm²/s", "m2/s", "m²/s"):
+        return "that is a kinematic viscosity: write the dynamic one, in Pa s (air: 1.8e-5)"
+    factor = {"MPa": 1e6, "mPas": 1e-3, "µPas": 1e-6, "uPas": 1e-6, "Pas": 1.0}.get(bare)
     factor = _SPELLINGS.get(unit.lower()) if factor is None else factor
     if factor is None or not low <= value * factor <= high:
         return "write the number alone, in the unit of the file"

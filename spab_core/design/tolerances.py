@@ -268,6 +268,9 @@ def parse_tolerance(key: str, text: object) -> Tolerance:
             raise DesignError(f"{begin}: give the bound in {value.unit or 'the same unit'}")
         return _checked(Tolerance(value.name, number, PERCENT, kind), begin)
     if unit not in value.units:
+        if comma := re.match(r",\d+", unit):
+            told = f"{match['number']}.{comma[0][1:]}"
+            raise DesignError(f"{begin}: the decimal sign is a point: write {told}")
         allowed = " or ".join(dict.fromkeys([PERCENT, value.unit or "a number without a unit"]))
         raise DesignError(f"{begin}: the unit {unit[:20]!r} is not allowed: give {allowed}")
     number = float(f"{number * value.units[unit]:.12g}")

@@ -10,6 +10,7 @@ import numpy as np
 
 from spab_core.common.errors import InputError
 from spab_core.common.threads import one_thread
+from spab_core.design.limits import check_point
 from spab_core.design.model import Design
 from spab_core.solver.film import (
     AUTO,
@@ -310,7 +311,13 @@ def concentric_stiffness(
     kxx, kxy : float
         Over p_a R² per clearance; times ``design.stiffness_unit`` in N/m. K_yy = K_xx, K_yx = -K_xy
         by symmetry.
+
+    Raises
+    ------
+    DesignError
+        For a bearing number out of range.
     """
+    check_point(1.0, bearing_number)
     weightless = design.replace(rotor__gravity=0.0)
     system = dense_system(weightless, 1.0, bearing_number, mesh).without_storage()
     rotor = system.rotor._replace(contact_force=0.0)
@@ -351,7 +358,13 @@ def static_equilibrium(
     -------
     Equilibrium or None
         None where no equilibrium was found.
+
+    Raises
+    ------
+    DesignError
+        For a point out of range.
     """
+    check_point(rotor_mass, bearing_number)
     try:
         system = resting_system(design, rotor_mass, bearing_number, mesh)
     except AxialStopError:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from spab_core.design.limits import check_point
 from spab_core.design.model import Design
 from spab_core.linear_theory.equilibrium import (
     AxialStopError,
@@ -68,7 +69,13 @@ def linear_spectrum(
         (:func:`~spab_core.linear_theory.spectrum.leading_eigenpairs`). None where no equilibrium
         is.
     equilibrium : Equilibrium
+
+    Raises
+    ------
+    DesignError
+        For a point out of range.
     """
+    check_point(rotor_mass, bearing_number)
     try:
         system = resting_system(design, rotor_mass, bearing_number, mesh)
     except AxialStopError:
@@ -111,15 +118,23 @@ def whirl_thresholds(
     -------
     list of Threshold
         Empty where the stability is the same over the whole range.
+
+    Raises
+    ------
+    DesignError
+        For a bearing number or a mass out of range.
     """
+    for mass in masses:
+        check_point(mass, bearing_number)
 
     def leading(
         log_mass: float, guess: np.ndarray | None
     ) -> tuple[complex, np.ndarray] | tuple[None, None]:
         """Leading eigenvalue and equilibrium, (None, None) where no equilibrium was found."""
-        spectrum = linear_spectrum(design, math.exp(log_mass), bearing_number, mesh, guess)
+        mass = min(max(math.exp(log_mass), masses[0]), masses[1])
+        spectrum = linear_spectrum(design, mass, bearing_number, mesh, guess)
         if spectrum is None and guess is not None:  # the guess may be too far away
-            spectrum = linear_spectrum(design, math.exp(log_mass), bearing_number, mesh)
+            spectrum = linear_spectrum(design, mass, bearing_number, mesh)
         return (None, None) if spectrum is None else (spectrum[0][0], spectrum[1].state)
 
     logs = np.linspace(math.log(masses[0]), math.log(masses[1]), scan)

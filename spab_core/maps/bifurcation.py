@@ -26,7 +26,7 @@ from spab_core.design.model import Design
 from spab_core.maps.checkpoints import Checkpoint, Chunk, run_plan
 from spab_core.maps.compute import cell_values
 from spab_core.maps.parallel import executor
-from spab_core.maps.stability_map import CELLS, FIELDS, StabilityMap, unsolved
+from spab_core.maps.stability_map import CELLS, FIELDS, StabilityMap, check_axis, unsolved
 from spab_core.trajectory.assessment import (
     CHAOTIC,
     DEFAULT_LIMITS,
@@ -178,6 +178,7 @@ def check_line(vary: str, at: float, values: np.ndarray, sweeps: Sequence[str]) 
         raise InputError(
             f"--range: {len(values)} points are out of range: allowed is from 1 to {MAX_POINTS}"
         )
+    check_axis("--range", values)
     for value in (values.min(), values.max()):
         check_point(*_point_at(vary, at, float(value)))
 

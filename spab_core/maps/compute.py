@@ -16,16 +16,25 @@ from typing import Any
 import joblib
 import numpy as np
 
+from spab_core.common.validation import check_whole
 from spab_core.design.model import Design
 from spab_core.maps.checkpoints import Checkpoint, Chunk, run_plan
 from spab_core.maps.parallel import cluster_or_processes
-from spab_core.maps.stability_map import FIELDS, MapError, StabilityMap, check_plane, unsolved
+from spab_core.maps.stability_map import (
+    FIELDS,
+    MapError,
+    StabilityMap,
+    check_axis,
+    check_plane,
+    unsolved,
+)
 from spab_core.solver.cache import solver_hash
 from spab_core.trajectory.point import OperatingPoint, solve_point
 from spab_core.trajectory.provenance import map_metadata
 from spab_core.trajectory.settings import Settings
 
 CHUNK_CELLS = 25
+MAX_WORKERS = 1024  # processes
 _COSTS: dict[str, type] = {"seconds": np.float64, "steps": np.int64}  # of each cell
 CellSolver = Callable[[np.ndarray], Chunk]
 
@@ -143,7 +152,7 @@ def cell_solver(
     rotor_mass: np.ndarray,
     settings: Settings,
     *,
-    checkpoint: Path | None = None,
+    checkpoint: str | Path | None = None,
     plan: dict[str, Any] | None = None,
     chunk_cells: int = CHUNK_CELLS,
     workers: int = 1,
@@ -159,7 +168,7 @@ def cell_solver(
     rotor_mass : ndarray, (M,)
         kg on one bearing.
     settings : Settings
-    checkpoint : Path, optional
+    checkpoint : str or Path, optional
         Folder of the checkpoint, from which a killed run resumes.
     plan : dict, optional
         More plain values that must agree to resume, such as a seed.
@@ -186,6 +195,8 @@ def cell_solver(
         For axes out of range, or a cluster that does not answer or runs another solver.
     """
     count = check_plane(bearing_number, rotor_mass)
+    check_whole("workers", workers, 1, MAX_WORKERS)
+    checkpoint = None if checkpoint is None else Path(checkpoint)
     settings.check_cold_start()
     points = [(float(b), float(m)) for b in bearing_number for m in rotor_mass]
     values = {name: unsolved(dtype, count) for name, dtype in (FIELDS | _COSTS).items()}
@@ -219,7 +230,7 @@ def compute_map(
     *,
     workers: int = 1,
     cluster: str | None = None,
-    checkpoint: Path | None = None,
+    checkpoint: str | Path | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> StabilityMap:
     """Solve every cell of a plane, each from a cold start.
@@ -235,7 +246,7 @@ def compute_map(
         Processes.
     cluster : str, optional
         Address of a Dask scheduler, such as ``tcp://host:8786``, whose workers solve instead.
-    checkpoint : Path, optional
+    checkpoint : str or Path, optional
         Folder of the checkpoint, from which a run with the same plan resumes.
     progress : callable
         Called with the number of cells done since the last call.
@@ -250,6 +261,8 @@ def compute_map(
         As :func:`cell_solver`.
     """
     settings = settings or Settings(revolutions=300)
+    check_axis("bearing number", bearing_number)
+    check_axis("rotor mass", rotor_mass)
     bearing_number, rotor_mass = np.asarray(bearing_number, float), np.asarray(rotor_mass, float)
     shape = (len(bearing_number), len(rotor_mass))
     with cell_solver(

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spab_core.common.errors import DesignError
-from spab_core.common.validation import check_choice, check_number
+from spab_core.common.validation import check_choice, check_number, check_whole
 from spab_core.common.words import capital, small
 from spab_core.design.form import nearest_bearing_number
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE, check_point
@@ -587,7 +587,7 @@ def _detail(kind: str, found: Found) -> str:
 
 def check_solved_margin(points: int, precision: float) -> None:
     """Raise :class:`InputError` for numbers of :func:`solve_margin` out of range."""
-    check_number("points", points, *POINTS_RANGE)
+    check_whole("points", points, *POINTS_RANGE)
     check_number("precision", precision, *PRECISION_RANGE)
 
 

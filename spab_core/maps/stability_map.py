@@ -218,11 +218,25 @@ def steps_as_count(start: float, step: float, stop: float) -> str:
     return f"{start:g}:{start + step * (count - 1):.6g}:{count}"
 
 
+def check_axis(name: str, values: np.ndarray) -> None:
+    """Raise :class:`InputError` unless values are numbers (n,) that rise."""
+    a = np.asarray(values)
+    if a.ndim != 1 or a.dtype.kind not in "fiu":
+        raise InputError(f"{name} = {str(values)[:40]!r} must be an array (n,) of numbers")
+    if not (np.diff(a) > 0).all():
+        at = int((np.diff(a) <= 0).argmax())
+        raise InputError(
+            f"{name}: {a[at + 1]:g} follows {a[at]:g}; its values must be numbers that rise"
+        )
+
+
 def check_plane(bearing_number: np.ndarray, rotor_mass: np.ndarray) -> int:
     """Return the number of cells of a plane.
 
-    Raises :class:`InputError` if there are too many or one is out of range.
+    Raises :class:`InputError` if there are too many, one is out of range, or values do not rise.
     """
+    check_axis("bearing number", bearing_number)
+    check_axis("rotor mass", rotor_mass)
     count = len(bearing_number) * len(rotor_mass)
     if not 1 <= count <= MAX_CELLS:
         raise InputError(

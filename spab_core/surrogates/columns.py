@@ -117,6 +117,8 @@ UNITS: dict[str, dict[str, float | str]] = {
     },
 }
 NO_UNIT = ("", "1", "none", "dimensionless", "dimlos")  # "-" has no letters
+_NO_UNIT_SIGN = re.compile(r"[\[(]\s*[-–—]\s*[\])]\s*$")
+_MASS_NUMBER = "{!r} is told to have no unit: the mass number M is no mass; give a column in kg"
 _PER_SECOND = {**dict.fromkeys(_ANGULAR, 30.0 / math.pi), **dict.fromkeys(_TURNS, 60.0)}
 
 
@@ -169,12 +171,21 @@ def understand(name: str, place: int = 0) -> Column | None:
             continue
         rest = " ".join(words[k:]).removeprefix("in ")
         if rest in NO_UNIT:
+            if quantity == MASS and (rest or _NO_UNIT_SIGN.search(name)):
+                raise InputError(_MASS_NUMBER.format(name[:60]))
             told = "rpm" if (quantity, words[:k]) == (SPEED, ["rpm"]) else None
             return Column(place, name, quantity, UNITS[SPEED][told] if told else None)
         for candidate in (quantity,) if quantity else (NUMBER, EXPONENT):
             if rest in _UNITS[candidate]:
                 return Column(place, name, candidate, _turns(_UNITS[candidate][rest], name))
-        if re.search(r"[\[(].+[\])]\s*$", name):
+        if bracket := re.search(r"[\[(]([^\[\]()]+)[\])]\s*$", name):
+            unit = _plain(bracket[1])
+            if any(unit in units for units in _UNITS.values()) and rest != unit:
+                more = " ".join(words[:k])
+                raise InputError(
+                    f"{name[:60]!r} is not understood: write {more} [{bracket[1].strip()}]"
+                    + ("; masses are those that one bearing carries" if quantity == MASS else "")
+                )
             raise InputError(
                 f"the unit in {name[:60]!r} is not known{_known_units(quantity or EXPONENT)}"
             )
@@ -210,10 +221,20 @@ def unit_of(quantity: str, text: str) -> float | str | None:
     """
     plain = _plain(text.strip("[](){}"))
     if plain in NO_UNIT:
+        if quantity == MASS and text.strip("[](){} "):
+            raise InputError(_MASS_NUMBER.format(f"{quantity} in {text}"))
         return None
     if plain not in _UNITS[quantity]:
         raise InputError(f"the unit {text[:40]!r} is not known{_known_units(quantity)}")
     return _UNITS[quantity][plain]
+
+
+def check_mass(column: Column) -> None:
+    """Raise :class:`InputError` for a mass that may be the dimensionless mass number M."""
+    if column.unit is None and column.name.strip() == "M":
+        raise InputError(
+            "'M' may be the rotor mass or the dimensionless mass number M: name a mass 'mass [kg]'"
+        )
 
 
 def with_unit(column: Column, text: str) -> Column:
@@ -306,7 +327,9 @@ def choose(names: Sequence[str]) -> dict[str, Column]:
             raise InputError(
                 f"the table is ambiguous: {_listed(columns)} both mean the {_WORDS[q]}; leave one"
             )
-    open_ = [q for q in (NUMBER, EXPONENT) if not by[q] and not (q == NUMBER and by[SPEED])]
+    # beside an exponent a lone n or f may number the rows: it is a speed if it has a unit
+    speeds = [c for c in by[SPEED] if c.unit is not None or not by[EXPONENT]]
+    open_ = [q for q in (NUMBER, EXPONENT) if not by[q] and not (q == NUMBER and speeds)]
     if len(either) > 1 or (either and len(open_) != 1):
         others = [c for q in (NUMBER, EXPONENT) for c in by[q]]
         raise InputError(

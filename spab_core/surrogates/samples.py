@@ -22,6 +22,7 @@ from spab_core.surrogates.columns import (
     NUMBER,
     SPEED,
     Column,
+    check_mass,
     choose,
     corner,
     count_known,
@@ -38,6 +39,7 @@ MIN_ROWS = 64  # a quarter of them still trains every model
 LARGEST = 1e3  # per revolution: beyond it, a column is not an exponent
 # per revolution; the deepest of the shipped map is -38
 USUAL_LARGEST = 40.0
+_SPEEDS = (1e-3, 1e8)  # rpm, beside bearing numbers
 PER = ("revolution", "second", "tau")  # what an exponent is per; tau is the shaft angle in radian
 _USUAL_MASS = 100.0  # kg: a table of heavier rotors may be in grams
 _SCHEMA = Schema(
@@ -96,17 +98,30 @@ def read_samples(data: bytes, design: Design | None = None, *, per: str | None =
     Raises
     ------
     InputError
-        For a file that is too large, is no such table, is ambiguous, holds a value out of range,
-        or needs the design and has none; the message names column and line.
+        For what is not the bytes of a file; for one that is too large, is no such table, is
+        ambiguous, holds a value out of range, or needs the design and has none; the message names
+        column and line.
     """
     if per is not None:
         check_choice("per", per, PER)
+    if not isinstance(data, (bytes, bytearray)):
+        raise InputError(
+            f"data = {str(data)[:40]!r} must be the bytes of a file, as of Path(…).read_bytes(), "
+            f"not {type(data).__name__}"
+        )
+    if design is not None and not isinstance(design, Design):
+        raise InputError(
+            f"design = {str(design)[:40]!r} must be a Design, as of load_design, not "
+            f"{type(design).__name__}"
+        )
     if len(data) > MAX_BYTES:
         raise InputError(f"the file has {len(data):,} bytes: allowed are at most {MAX_BYTES:,}")
     table = read_table(data, count_known, MAX_ROWS)
     notes = list(table.notes)
     cells = _cells(table)
-    number, speed = _bearing_numbers(cells, design, notes)
+    check_mass(cells[MASS].column)
+    per_second = (per or cells[EXPONENT].column.unit) == "second"
+    number, speed = _bearing_numbers(cells, design, notes, per_second)
     unit = float(cells[MASS].column.unit or 1.0)
     mass = cells[MASS].values * unit
     low, high = ROTOR_MASS_RANGE
@@ -230,14 +245,17 @@ def _matrix(table: Table) -> _Read | None:
     if len(cells[EXPONENT]) > MAX_ROWS:
         raise InputError(f"the matrix has more than {MAX_ROWS:,} cells, which is the most allowed")
     lines = [line for line in table.lines for _ in range(width)]
-    chosen = {c.quantity: c for c in found} | {EXPONENT: Column(0, EXPONENT, EXPONENT, None)}
+    exponents = Column(0, "cells of the matrix", EXPONENT, None)
+    chosen = {c.quantity: c for c in found} | {EXPONENT: exponents}
     return chosen, cells, lines
 
 
 def _bearing_numbers(
-    cells: dict[str, _Cells], design: Design | None, notes: list[str]
+    cells: dict[str, _Cells], design: Design | None, notes: list[str], per_second: bool
 ) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return bearing numbers, and speeds in rpm where file or design tell them."""
+    """Return bearing numbers, and speeds in rpm where file or design tell them; ``per_second``:
+    whether exponents need the speed.
+    """
     low, high = BEARING_NUMBER_RANGE
     speed = None
     if SPEED in cells:
@@ -252,11 +270,13 @@ def _bearing_numbers(
     if NUMBER in cells:
         number = cells[NUMBER].values
         cells[NUMBER].check(number, low, high, "")
+        if speed is not None and unit is not None:
+            cells[SPEED].check(speed, *_SPEEDS, " rpm", float(unit), empty_allowed=not per_second)
         if design is not None:
             of_design = design.speed_rpm(1.0) * number
             if speed is None:
                 speed = of_design
-            elif not np.all(abs(speed / of_design - 1.0) < 0.01):
+            elif np.any(abs(speed / of_design - 1.0) >= 0.01):
                 notes.append(
                     f"the speeds in {name} are not those of the design at the table's bearing "
                     "numbers, which are taken: do the data belong to another design?"

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from spab_core.common.errors import DesignError, InputError
+from spab_core.common.validation import check_whole
 from spab_core.design.limits import check_point
 from spab_core.design.model import Design
 from spab_core.linear_theory.equilibrium import AxialStopError, running_system
@@ -63,7 +64,7 @@ from spab_core.trajectory.periodic_orbit import (
     window,
 )
 from spab_core.trajectory.regimes import classify
-from spab_core.trajectory.settings import Settings
+from spab_core.trajectory.settings import MOST_REVOLUTIONS, Settings
 from spab_core.trajectory.shooting import Shooting
 
 # last revolutions of the transient (at most half of it) in which the tangent already runs: on a
@@ -218,6 +219,7 @@ def simulate(
     check_point(rotor_mass, bearing_number)
     settings = settings or Settings()
     settings.check_design(design)
+    check_whole("path_revolutions", path_revolutions, 0, MOST_REVOLUTIONS)
 
     def start_run(max_step: float) -> Run:
         return Run(

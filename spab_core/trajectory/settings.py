@@ -13,6 +13,8 @@ from spab_core.solver.film import AUTO, Mesh, parse_mesh
 from spab_core.solver.rotor import RAMP_REVOLUTIONS
 from spab_core.solver.stepping import DEFAULT_TOLERANCE, METHODS
 
+MOST_REVOLUTIONS = 100_000
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -44,15 +46,16 @@ class Settings:
     early_stop: bool = True
 
     def __post_init__(self) -> None:
+        pair = isinstance(self.mesh, (tuple, list)) and len(self.mesh) == len(Mesh._fields)
         object.__setattr__(
             self,
             "mesh",
-            parse_mesh(self.mesh if isinstance(self.mesh, str) else str(Mesh(*self.mesh))),
+            parse_mesh(str(Mesh(*self.mesh) if pair else self.mesh)),
         )
         check_choice("method", self.method, METHODS)
-        for name, low, high in (("transient", 0, 100_000), ("revolutions", 20, 100_000)):
+        for name, low in (("transient", 0), ("revolutions", 20)):
             value = getattr(self, name)
-            check_number(name, value, low, high, "revolutions")
+            check_number(name, value, low, MOST_REVOLUTIONS, "revolutions")
             if value != int(value):
                 raise DesignError(f"{name} = {value} must be a whole number of revolutions")
         check_number("tolerance", self.tolerance, 1e-10, 1e-2)

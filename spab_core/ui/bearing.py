@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
 
 import numpy as np
@@ -56,6 +57,12 @@ def over_speed(
 def _speeds(bearing_number: float) -> np.ndarray:
     """The bearing numbers of a table around the point, each once."""
     return np.unique(np.clip(bearing_number * SPEEDS, *BEARING_NUMBER_RANGE))
+
+
+def speed_range(design: Design, bearing_number: float) -> str:
+    """The speeds of that table as ``--rpm`` takes them."""
+    low, high = (design.speed_rpm(float(b)) for b in _speeds(bearing_number)[[0, -1]])
+    return f"{math.ceil(low)}:{math.floor(high)}:{len(SPEEDS)}"
 
 
 def _grid_file(design: Design, rotor_mass: float, bearing_number: float) -> bytes:

@@ -3,7 +3,11 @@
 import csv
 import io
 import json
+import math
+import os
 import shlex
+import threading
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,13 +19,20 @@ from spab_core.active_learning.refine import load_refinement
 from spab_core.cli import design_map as design_map_command
 from spab_core.cli import maps, options, progress, refine
 from spab_core.cli.main import main
+from spab_core.common.errors import InputError
 from spab_core.design.form import BEARING_NUMBER_RANGE
 from spab_core.design.model import load_design, reference_design
 from spab_core.design.presets import preset
-from spab_core.maps.bifurcation import load_bifurcation
+from spab_core.linear_theory.equilibrium import concentric_stiffness, static_equilibrium
+from spab_core.linear_theory.whirl import linear_spectrum, whirl_thresholds
+from spab_core.maps.bifurcation import compute_bifurcation, load_bifurcation
+from spab_core.maps.compute import compute_map
+from spab_core.maps.solved_margin import solve_margin
 from spab_core.maps.stability_map import axis, load_map, save_map, steps_as_count
 from spab_core.shipped.manifest import ARTIFACTS
 from spab_core.shipped.preset_maps import MAPS
+from spab_core.trajectory.point import solve_point
+from spab_core.trajectory.settings import Settings
 from tests.commands import answer, refused
 from tests.maps import map_of
 
@@ -232,7 +243,7 @@ def test_a_file_is_not_exported_over_itself(capsys, tmp_path):
     link.symlink_to(path)
     before = path.read_bytes()
     for out in (path, link):
-        assert "is the file to export" in refused(capsys, "export", str(path), "--out", str(out))
+        assert "is the file to read" in refused(capsys, "export", str(path), "--out", str(out))
     assert path.read_bytes() == before
     answer(capsys, "export", str(path), "--out", str(tmp_path / "a.nc"))
     for ending in ("csv", "mat"):
@@ -342,3 +353,129 @@ def test_a_count_that_looks_like_a_step_is_doubted(capsys, text, words):
     assert len(options.values_of(text, "--rpm")) == int(text.split(":")[2])
     told = capsys.readouterr().err
     assert words in told and bool(told) == bool(words)
+
+
+DRAWN = ["--rotor-mass", "4", "--rpm", "9000", "--machines", "64", "--axis", "none", *SHORT]
+
+
+def told(capsys, *command):
+    """What a refused command says, remarks about the design before."""
+    capsys.readouterr()
+    assert main(list(command)) == 2
+    err = capsys.readouterr().err
+    assert "Traceback" not in err
+    return err
+
+
+def own_design(path, more=""):
+    path.write_text(f"[bearing]\nclearance = 35e-6\n{more}")
+    return str(path)
+
+
+def test_no_command_writes_over_what_it_reads(capsys, tmp_path):
+    own = own_design(tmp_path / "own.toml", '[tolerances]\nrotor_mass = "± 5 %"\n')
+    before = (tmp_path / "own.toml").read_bytes()
+    plane = str(tmp_path / "m.npz")
+    answer(
+        capsys, "map", "--bearing-number", "1:2:2", "--rotor-mass", "1:2:2", "--out", plane, *SHORT
+    )
+    vary = ["--vary", "bearing.clearance", "30:40 µm", "--wish", "stiffness", "--wish", "film"]
+    improve = ["design", "improve", "--rotor-mass", "4", "--rpm", "9000", *vary]
+    other = str(tmp_path / "other.toml")
+    own_design(tmp_path / "other.toml")
+    for command, words in (
+        (
+            ["design", "tolerance", "--design", own, "--rpm", "9000", *DRAWN, "--out", own],
+            "to read",
+        ),
+        ([*improve, "--design", own, "--best-out", own], "to read"),
+        ([*improve, "--design", own, "--best-out", other], "is there already"),
+        ([*improve, "--design", own, "--best-out", f"{other}.txt"], "must end in .toml"),
+        (["refine", "--map", plane, "--budget", "4", "--out", plane], "to read"),
+        (["predict", "--model", "nearest", "--map", plane, "--out", plane], "to read"),
+        (["design", "map", "--design", own, "--out", plane, "--map-out", plane], "of --out too"),
+    ):
+        assert words in told(capsys, *command), command
+    assert (tmp_path / "own.toml").read_bytes() == before and load_map(plane).shape == (2, 2)
+
+
+def test_tolerances_come_through_a_pipe(capsys, tmp_path):
+    own = own_design(tmp_path / "own.toml", '[tolerances]\nrotor_mass = "± 5 %"\n')
+    os.mkfifo(tmp_path / "pipe")
+    asked = ["--within", "bearing.permeability", "± 10 %", *DRAWN]
+    writer = threading.Thread(
+        target=lambda: (tmp_path / "pipe").write_bytes(Path(own).read_bytes())
+    )
+    writer.start()
+    # refused after all was read
+    args = ["design", "tolerance", "--design", str(tmp_path / "pipe"), *asked, "--half-width", "9"]
+    assert "half width" in told(capsys, *args)
+    writer.join(10)
+    assert not writer.is_alive()
+
+
+def test_a_speed_in_two_readings_is_refused_by_all(capsys):
+    for command in ("tolerance", "improve"):
+        more = [] if command == "tolerance" else ["--vary", "bearing.clearance", "30:40 µm"]
+        said = refused(capsys, "design", command, "--rotor-mass", "4", "--rpm", "40.000", *more)
+        assert "can be read in two ways" in said
+
+
+def test_slips_are_told(capsys, tmp_path):
+    for text, words in (
+        (f"[bearing]\nradius = {'9' * 5000}\n", "not a TOML file"),
+        ('[gas]\nviscosity = "18.5 µPas"\n', "write 1.85e-05"),
+        ('[gas]\nviscosity = "15 cSt"\n', "kinematic"),
+    ):
+        path = tmp_path / "d.toml"
+        path.write_text(text)
+        said = refused(capsys, "stiffness", "--bearing-number", "3", "--design", str(path))
+        assert words in said, said
+    for values, words in (
+        ("[rotor]\ngravity = 981\n", "if that is in cm/s², write 9.81"),
+        ("[rotor]\nunbalance_eccentricity = 0.0025\n", "if that is in mm, write 2.5e-06"),
+    ):
+        path.write_text(values)
+        main(["stiffness", "--bearing-number", "3", "--design", str(path)])
+        assert words in capsys.readouterr().err
+    said = refused(
+        capsys,
+        "design",
+        "tolerance",
+        *DRAWN,
+        "--within",
+        "bearing.clearance",
+        "± 2,5 µm",
+    )
+    assert "the decimal sign is a point: write 2.5" in said
+
+
+def test_a_margin_off_a_map_takes_no_options_of_the_solver(capsys):
+    asked = ["margin", "--rotor-mass", "4", "--rpm", "8900", "--map", "--points", "9"]
+    assert "--points: not allowed with --map" in refused(capsys, *asked)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda d: compute_map(d, [2.0, 1.0], [2.0, 3.0]), "rise"),
+        (lambda d: compute_map(d, [1.0, 1.0], [2.0, 3.0]), "rise"),
+        (lambda d: compute_map(d, 1.0, [2.0, 3.0]), "must be an array"),
+        (lambda d: compute_map(d, [1.0], [2.0], workers=0), "workers = 0"),
+        (lambda d: compute_bifurcation(d, "rotor-mass", 3.0, np.array([2.0, 1.0])), "rise"),
+        (lambda d: solve_point(d, 4.0, 3.0, path_revolutions=-1), "path_revolutions = -1"),
+        (lambda d: solve_point(d, 4.0, 3.0, path_revolutions=2.5), "whole number"),
+        (lambda d: Settings(mesh=3), "mesh = '3' is not allowed"),
+        (lambda d: Settings(mesh=None), "mesh = 'None' is not allowed"),
+        (lambda d: solve_margin(d, 4.0, 3.0, points=2.5), "whole number"),
+        (lambda d: concentric_stiffness(d, "3"), "bearing number must be a number"),
+        (lambda d: concentric_stiffness(d, 100.0), "bearing number = 100 is out of range"),
+        (lambda d: static_equilibrium(d, -1.0, 3.0), "rotor mass = -1 kg is out of range"),
+        (lambda d: static_equilibrium(d, math.nan, 3.0), "rotor mass = nan"),
+        (lambda d: linear_spectrum(d, -1.0, 3.0), "rotor mass = -1"),
+        (lambda d: whirl_thresholds(d, 100.0), "bearing number = 100"),
+    ],
+)
+def test_the_library_refuses_in_a_sentence_too(design, call, words):
+    with pytest.raises(InputError, match=words):
+        call(design)

@@ -470,3 +470,65 @@ def test_rules_alone_are_no_table_and_take_no_time(data):
     """The last one held a pattern that tried all pairs of places."""
     with pytest.raises(InputError):
         read_samples(data)
+
+
+def rows_of(header, row):
+    """A table of 90 points; ``row`` takes k, bearing number and mass."""
+    points = [(b, m) for b in np.linspace(0.5, 8.0, 10) for m in np.linspace(1.0, 9.0, 9)]
+    return "\n".join([header, *(row(k, *p) for k, p in enumerate(points)), ""]).encode()
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        # a speed turned round would turn the exponents' sign
+        (
+            rows_of("Λ,rpm,m,mle [1/s]", lambda k, b, m: f"{b},{-9000 * b},{m},5"),
+            "speed_rpm in line 2",
+        ),
+        (
+            rows_of("Λ,rpm,m,mle [1/s]", lambda k, b, m: f"{b},,{m},5"),
+            "speed_rpm in line 2 is nothing",
+        ),
+        (rows_of("Λ,M [-],mle", lambda k, b, m: f"{b},{m},0.1"), "the mass number M is no mass"),
+        (rows_of("Λ,mass [dimensionless],mle", lambda k, b, m: f"{b},{m},0.1"), "no unit"),
+        (rows_of("Λ,M,mle", lambda k, b, m: f"{b},{m},0.1"), r"name a mass 'mass \[kg\]'"),
+        (rows_of("Λ,m,mle\n-,-,1/rev", lambda k, b, m: f"{b},{m},0.1"), "told to have no unit"),
+        # R's names of rows, beside an empty last column
+        (
+            rows_of("m,Λ,mle,note", lambda k, b, m: f"{k + 1},{m},{b},-0.1,"),
+            "give that column a name",
+        ),
+        (rows_of("mle,Λ,m", lambda k, b, m: f"{'#DIV/0!' if k == 7 else 0.1},{b},{m}"), "#DIV/0!"),
+        (rows_of("Λ,rotor mass (total) [kg],mle", lambda k, b, m: f"{b},{m},0.1"), "one bearing"),
+    ],
+)
+def test_what_would_be_read_wrongly_is_refused(data, words):
+    with pytest.raises(InputError, match=words):
+        read_samples(data)
+
+
+def test_what_is_clear_enough_is_read():
+    plain = read_samples(rows_of("Λ,m,mle", lambda k, b, m: f"{b},{m},0.1"))
+    for data in (
+        rows_of("n,Lambda,mass,mle", lambda k, b, m: f"{k},{b},{m},0.1"),
+        rows_of('"Λ,m,mle"', lambda k, b, m: f'"{b},{m},0.1"'),
+        rows_of("Λ,m,mle", lambda k, b, m: f"{b},{m},0.1").decode().encode("utf-16-be"),
+        rows_of("Λ,M [kg],mle", lambda k, b, m: f"{b},{m},0.1"),
+        rows_of("Λ,m,mle", lambda k, b, m: f"{b},{m},0.1,"),
+    ):
+        found = read_samples(data)
+        assert np.array_equal(found.inputs, plain.inputs) and np.array_equal(found.mle, plain.mle)
+    missing = rows_of("mle,Λ,m", lambda k, b, m: f"{'#N/A' if k == 7 else 0.1},{b},{m}")
+    assert read_samples(missing).left_out == 1
+    matrix = "mass/Λ," + ",".join(map(str, range(1, 11))) + "\n"
+    matrix += "".join(f"{m}," + ",".join(["5"] * 10) + "\n" for m in range(1, 9))
+    assert any("does not state its unit" in note for note in read_samples(matrix.encode()).notes)
+
+
+@pytest.mark.parametrize("data", ["file.csv", None, 3])
+def test_what_is_no_file_is_refused(data):
+    with pytest.raises(InputError, match="must be the bytes of a file"):
+        read_samples(data)
+    with pytest.raises(InputError, match="must be a Design"):
+        read_samples(PLAIN.encode(), "my.toml")
