@@ -219,7 +219,7 @@ def _point() -> tuple[DeltaGenerator, go.Figure] | None:
         point_verdict(point)
     beside = is_reference() or own is not None
     height = ORBIT_HEIGHT if beside else TALL
-    orbit = orbit_figure(point).update_layout(height=height, margin_t=30, legend_y=-0.3)
+    orbit = orbit_figure(point).update_layout(height=height, margin_t=30)
     place = _numbers(point, numbers, beside)
     with words, errors_in_words():
         margin_panel(design, mass, number)

@@ -160,7 +160,8 @@ def _storage(design: Design, bearing_number: float) -> Assumption:
         QUASI_STEADY,
         "up to here the pores' gas follows half-speed whirl at once, within a sixth of a radian "
         "(docs/model.md)",
-        "porosity 0 takes the wall as quasi-steady, but pores store gas"
-        + (", and a fed bearing may then be unstable (pneumatic hammer): give the porosity" * fed),
+        "at porosity 0 the gas that the wall stores is left out, which takes damping"
+        + ", and a fed bearing may then be unstable (pneumatic hammer)" * fed
+        + ": give the porosity",
         watched=fed,
     )

@@ -141,7 +141,7 @@ class MachineMargin:
             if not math.isnan(value)
         ]
         none = f"{'everything' if self.is_avoided else 'nothing'} is to be avoided"
-        sought = f"sought from {told(self.low).removesuffix(f' {unit}')} to {told(self.high)}"
+        sought = f"searched from {told(self.low).removesuffix(f' {unit}')} to {told(self.high)}"
         return f"{begin}; {'; '.join(changes) or none}, {sought}."
 
 

@@ -37,6 +37,7 @@ from spab_core.trajectory.assessment import (
     COEXISTING,
     DEFAULT_LIMITS,
     FAILED,
+    GRADE_WORDS,
     GRADES,
     KINDS,
     LARGE_ECCENTRICITY,
@@ -95,6 +96,7 @@ _OF_MOTION = _REGIMES | {
     RAISED_ECCENTRICITY,
 }
 _OF_REST = frozenset({RESONANCE, NOT_LIFTED, UNSTABLE, LIGHTLY_DAMPED, OUTSIDE})
+_TWO_GRADES = frozenset({RESONANCE, QUASI_PERIODIC, SUBHARMONIC})  # which may have either
 _ROUGH = _REGIMES | _OF_REST | {UNDECIDED, LARGE_ORBIT}
 Progress = Callable[[int], None]
 _Runs = list["futures.Future[Found]"]
@@ -134,7 +136,8 @@ class Found(NamedTuple):
 
 @dataclass(frozen=True)
 class Limit:
-    """The first change of a kind of trouble along a line, between two solved points.
+    """The first change of a kind of trouble along a line, between two solved points: where it
+    begins or ends, or where what is to be watched becomes to be avoided or the other way round.
 
     Attributes
     ----------
@@ -145,9 +148,10 @@ class Limit:
     value, low, high : float
         Middle and ends of the bracket: rpm, kg, or on the axis "both" the factor of the mass.
     begins : bool
-        Whether the trouble begins there; False: the operating point has it, and it ends there.
+        Whether the trouble begins there, or becomes to be avoided; False: the operating point has
+        it, and it ends there, or is to be watched from there on.
     grade : str
-        "watch" or "avoid": of the trouble on its side of the bracket.
+        "watch" or "avoid": of the trouble on its side of the bracket, the worse one.
     change : float
         Of the value, relative to the operating point's.
     rotor_mass, speed_rpm : float
@@ -156,6 +160,8 @@ class Limit:
         Root of the sum of squares of the relative changes of mass and speed.
     detail : str
         Which other motion there is, or which assumption does not hold, where that is the trouble.
+    after : str
+        Grade of the trouble beyond the limit; "" where it is gone.
     """
 
     axis: str
@@ -171,6 +177,7 @@ class Limit:
     speed_rpm: float
     distance: float
     detail: str = ""
+    after: str = ""
 
     def towards(self) -> str:
         """Return the direction in words."""
@@ -188,9 +195,16 @@ class Limit:
         else:
             unit = "rpm" if self.axis == "speed" else "kg"
             where = f"{100.0 * self.change:+,.{0 if abs(self.change) >= 0.1 else 1}f} %"
+        about = [self.detail] if self.detail else []
+        if self.what in _TWO_GRADES and self.begins:
+            about.append(GRADE_WORDS[self.grade])
+        told = f" ({', '.join(about)})" if about else ""
+        verb = "from" if self.begins else "ends at"
+        if self.after and not self.begins:
+            verb = f"no worse than {GRADE_WORDS[self.after]} from"
         return (
-            f"{KINDS[self.what]}{self.detail and f' ({self.detail})'} "
-            f"{'from' if self.begins else 'ends at'} {round(self.value, digits):,.{shown}f} ± "
+            f"{KINDS[self.what]}{told} "
+            f"{verb} {round(self.value, digits):,.{shown}f} ± "
             f"{spread:,.{shown}f} {unit} ({where})"
         )
 
@@ -272,13 +286,28 @@ class SolvedMargin:
         further = "; ".join(told) or "no further trouble where it was looked for"
         here = ", ".join(KINDS[kind] for kind, grade in self.here.items() if grade == "avoid")
         none = f"none, the point itself is to be avoided ({here}); further on, " if here else ""
-        return f"Solved margin: {none}{further}."
+        told = [f"{none}{further}", *self._ends()]
+        rest = self.point.rest
+        if OUTSIDE in self.here and rest:
+            broken = [a.name for a in rest.assumptions if a.watched and not a.holds]
+            told.append(f"all of it outside the theory here ({', '.join(broken)})")
+        return f"Solved margin: {'; '.join(told)}."
+
+    def _ends(self) -> list[str]:
+        """Return where each trouble that is to be avoided here is left nearest, in words."""
+        bad = [kind for kind, grade in self.here.items() if grade == GRADES[AVOID]]
+        nearest = (
+            next((x for x in self.limits if x.what == kind and not x.begins), None) for kind in bad
+        )
+        return [f"going {x.towards()}, {x.words()}" for x in nearest if x]
 
     def sentences(self) -> list[str]:
         """Describe what the point has, the limits in each direction and what was not looked at."""
         told = [f"Here already: {', '.join(KINDS[k] for k in self.here)}."] if self.here else []
         if _not_judged(self.point.rest):
             told.append("Resonance and stability at rest are not judged: no equilibrium is known.")
+        if not self.point.design.rotor.conical:
+            told.append("Conical motion is not judged: its moments of inertia are not given.")
         if self.beside:
             words = beside_words(self.beside)
             told.append(f"{capital(words)}.")
@@ -351,17 +380,23 @@ def troubles_of_motion(
     """
     found = _by_kind(motion_rules(design, motion, limits))
     # what is under a limit is near it as well: along a line that trouble does not end there
-    for grave, mild in ((LEAST_FILM, NEAR_FILM), (LARGE_ECCENTRICITY, RAISED_ECCENTRICITY)):
-        if grave in found:
-            found.setdefault(mild, GRADES[WATCH])
-    return found
+    return _nested(found, (LEAST_FILM, NEAR_FILM), (LARGE_ECCENTRICITY, RAISED_ECCENTRICITY))
 
 
 def troubles_at_rest(rest: Derived, limits: Limits = DEFAULT_LIMITS) -> dict[str, str]:
     """Name what the assessment finds wrong with a static equilibrium; as
     :func:`troubles_of_motion`.
     """
-    return _by_kind(rest_rules(rest, limits))
+    # a whirl that grows is damped less than lightly
+    return _nested(_by_kind(rest_rules(rest, limits)), (UNSTABLE, LIGHTLY_DAMPED))
+
+
+def _nested(found: dict[str, str], *pairs: tuple[str, str]) -> dict[str, str]:
+    """Return the kinds with the second of each pair wherever its first is."""
+    for grave, mild in pairs:
+        if grave in found:
+            found.setdefault(mild, GRADES[WATCH])
+    return found
 
 
 def _by_kind(rules: Iterable[Rule]) -> dict[str, str]:
@@ -503,26 +538,36 @@ class Side:
         far = [v for v in self.outward() if abs(v - self.at) > abs(value - self.at)][:1]
         return [state for v in (*near, *far) for state in _ends(self.found[v])]
 
-    def brackets(self) -> dict[str, tuple[float, float]]:
-        """Return the solved values, the nearer first, between which each kind first changes."""
-        values = self.outward()
-        changes = {
-            kind: next(
-                (pair for pair in itertools.pairwise(values) if self._changed(kind, pair[1])), None
-            )
-            for kind in KINDS
-        }
-        return {kind: pair for kind, pair in changes.items() if pair is not None}
+    def brackets(self) -> dict[tuple[str, str], tuple[float, float]]:
+        """Return the solved values, the nearer first, between which each kind first begins or ends,
+        by (kind, "watch"), and those where it begins or ends to be avoided, by (kind, "avoid"),
+        where these are others.
+        """
+        pairs = list(itertools.pairwise(self.outward()))
+        found: dict[tuple[str, str], tuple[float, float]] = {}
+        for kind in KINDS:
+            for grade in GRADES[WATCH:]:
+                pair = next((p for p in pairs if self._changed(kind, grade, p[1])), None)
+                if pair is not None and found.get((kind, GRADES[WATCH])) != pair:
+                    found[kind, grade] = pair
+        return found
 
-    def _changed(self, kind: str, value: float) -> bool:
-        found = self.found[value]
-        return kind not in found.unknown and (kind in found.kinds) != (kind in self.here.kinds)
+    def _changed(self, kind: str, grade: str, value: float) -> bool:
+        """Whether a kind is there in that grade or a worse one at one of value and operating point
+        alone.
+        """
+        found, least = self.found[value], GRADES.index(grade)
+        there, here = (
+            kind in kinds and GRADES.index(kinds[kind]) >= least
+            for kinds in (found.kinds, self.here.kinds)
+        )
+        return kind not in found.unknown and there != here
 
     def middles(self, precision: float) -> list[float]:
         """Return the middles of the brackets that are still too wide."""
         pairs = {
             pair
-            for kind, pair in self.brackets().items()
+            for (kind, _), pair in self.brackets().items()
             if max(pair) - min(pair) > precision * min(pair) * self._roughness(kind, pair)
         }
         return sorted(0.5 * (near + far) for near, far in pairs)
@@ -541,8 +586,11 @@ class Side:
         """Return the first change of each kind."""
         told = []
         design, rotor_mass, bearing_number = self.point
-        for kind, (near, far) in self.brackets().items():
-            begins = kind not in self.here.kinds
+        for (kind, grade), (near, far) in self.brackets().items():
+            before, beyond = (
+                found.kinds.get(kind, GRADES[0]) for found in (self.here, self.found[far])
+            )
+            begins = GRADES.index(before) < GRADES.index(grade)
             value = 0.5 * (near + far)
             there = self.found[far] if begins else self.here
             mass, number = self.place(value)
@@ -562,6 +610,7 @@ class Side:
                     design.speed_rpm(number),
                     math.hypot(*changes),
                     _detail(kind, there),
+                    "" if beyond == GRADES[0] else beyond,
                 )
             )
         return told

@@ -37,7 +37,7 @@ def add_grade_bands(figure: go.Figure, values: np.ndarray, found: Sequence[Band]
     whole = edges[-1] - edges[0]
     for grade in GRADES:
         if any(band.grade == grade for band in found):
-            label = f"{GRADE_MARKS[grade]} {GRADE_WORDS[grade]}"
+            label = f"{GRADE_MARKS[grade]} motion {GRADE_WORDS[grade]}"  # not the rest's grade
             add_legend_square(figure, label, GRADE_COLOURS[grade])
     shapes, marks = [], []
     for band in found:
@@ -63,9 +63,9 @@ def add_grade_bands(figure: go.Figure, values: np.ndarray, found: Sequence[Band]
             continue
         text = GRADE_MARKS[band.grade]
         if share >= _WORDED:
-            words = f"{GRADE_WORDS[band.grade]}{band.why and ': '}{band.why}"
-            room = int(share / _LETTER)
-            text += f" {words if len(words) <= room else words[: room - 1] + '…'}"
+            told = GRADE_WORDS[band.grade], band.why
+            words = (": ".join(filter(None, told)), told[0])  # the longest that fits
+            text += next((f" {w}" for w in words if len(w) <= int(share / _LETTER)), "")
         marks.append(
             {
                 "x": 0.5 * (low + high),

@@ -26,7 +26,7 @@ def stretches(found: SolvedMargin, axis: str) -> list[tuple[float, float, str, l
     -------
     list of (low, high, grade, kinds)
         By rising value, rpm or kg; the grade of what is known to be there, and its kinds of
-        trouble. A kind is followed to its first change.
+        trouble. A kind is followed to its first change, and to that of its grade.
     """
     told = []
     for line in found.lines:
@@ -37,8 +37,8 @@ def stretches(found: SolvedMargin, axis: str) -> list[tuple[float, float, str, l
         for limit in sorted(limits, key=lambda x: abs(x.change)):
             told.append((at, limit.value, dict(kinds)))
             at = limit.value
-            if limit.begins:
-                kinds[limit.what] = limit.grade
+            if limit.after:
+                kinds[limit.what] = limit.after
             else:
                 kinds.pop(limit.what, None)
         told.append((at, line.end, dict(kinds)))

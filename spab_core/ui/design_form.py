@@ -15,9 +15,11 @@ from streamlit.delta_generator import DeltaGenerator
 from spab_core.common.errors import InputError
 from spab_core.common.words import capital
 from spab_core.design.form import (
+    AMBIENT,
     FIELDS,
     GRADE_RANGE,
     GROUPS,
+    SUPPLY,
     FormField,
     contact_words,
     eccentricity_of_grade,
@@ -47,6 +49,7 @@ from spab_core.ui.view import (
     set_speed,
     show_tolerances,
     show_value,
+    supply_below,
 )
 
 _USUAL = to_form(reference_design())
@@ -59,9 +62,9 @@ def _key(name: str) -> str:
     return f"my_{name}"
 
 
-def _digits(value: float) -> float:
-    """As it is shown: six digits, which survive the way to the bearing number and back."""
-    return float(f"{value:.6g}")
+def _digits(value: float, digits: int = 6) -> float:
+    """As it is shown: six digits survive the way to the bearing number and back."""
+    return float(f"{value:.{digits}g}")
 
 
 def _fill(design: Design) -> None:
@@ -80,7 +83,8 @@ def _fill_grade(design: Design) -> None:
     if state.get("my_grade_of") == design and "my_grade" in state and "my_grade_rpm" in state:
         return
     if state.get("my_grade_rpm") is None:
-        state["my_grade_rpm"] = _digits(design.speed_rpm(state["bearing_number"]))
+        # the bearing number of a typed speed has six digits: those of the speed are five
+        state["my_grade_rpm"] = _digits(design.speed_rpm(state["bearing_number"]), 5)
     rotor = design.rotor
     state["my_grade"] = _digits(
         grade_of_eccentricity(
@@ -117,6 +121,11 @@ def _typed(name: str = "") -> None:
     }
     if state.get("my_rigid", base.rigid):
         values[_STIFFNESS] = math.inf
+    fed = base.bearing.supply_pressure_ratio > 1.0
+    if name == AMBIENT and fed and values.get(AMBIENT) is not None:
+        # the supply stays what it was given as, over the ambient pressure or absolute
+        below = supply_below(base)
+        values[SUPPLY] = to_form(base)[SUPPLY] - below + (values[AMBIENT] if below else 0.0)
     try:
         for key, value in values.items():
             if value is None:
@@ -128,6 +137,8 @@ def _typed(name: str = "") -> None:
         state["my_error"] = str(error)
         return
     take_design(design)
+    if name == AMBIENT and _key(SUPPLY) in state:
+        state[_key(SUPPLY)] = to_form(design)[SUPPLY]
     note_typed([name] if name else [])
     state["my_filled"] = design  # what is typed stays as it was typed
 
@@ -140,8 +151,10 @@ def _grade_typed() -> None:
                 "the balance grade needs two numbers: G, and the speed it is stated for"
             )
         design = base.replace(
-            rotor__unbalance_eccentricity=eccentricity_of_grade(
-                state["my_grade"], state["my_grade_rpm"], base.rotor.journal_mass_fraction
+            rotor__unbalance_eccentricity=_digits(
+                eccentricity_of_grade(
+                    state["my_grade"], state["my_grade_rpm"], base.rotor.journal_mass_fraction
+                )
             )
         )
     except InputError as error:

@@ -126,7 +126,8 @@ def point_bar(*, of_example: bool = False) -> DeltaGenerator:
         step=0.1,
         format="%.3f",
         width=_WIDTH,
-        help="Whole rotor mass that one bearing carries",
+        help="What one bearing carries of the rotor's mass: half of it where two equal bearings "
+        "carry it",
     )
     row.number_input(
         "Shaft speed, rpm",

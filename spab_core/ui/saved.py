@@ -273,7 +273,9 @@ def _row(job: Job) -> None:
                 args=(job.id,),
             )
         if not job.active:
-            st.button("Delete", key=f"delete_{job.id}", on_click=_do, args=(delete, job.id))
+            with st.popover("Delete …"):
+                st.markdown("The result and what is solved of it cannot be had back.")
+                st.button("Delete", key=f"delete_{job.id}", on_click=_do, args=(delete, job.id))
 
 
 def _do(what: Any, *arguments: Any) -> None:

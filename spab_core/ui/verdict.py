@@ -96,6 +96,8 @@ def assumed_line() -> None:
     told = assumed_words()
     if not told:
         return
+    if not chosen_design().rotor.conical:
+        told.insert(_NAMED - 1, "no conical motion (its inertias are not given)")
     more = f" and {len(told) - _NAMED} more" if len(told) > _NAMED else ""
     with st.container(horizontal=True, vertical_alignment="center", gap="small", key="assumed"):
         st.caption(

@@ -50,10 +50,10 @@ def test_distance_tells_the_side_and_bounds_what_was_not_found():
     assert margin("good", nan, nan).distance == pytest.approx(0.5)
     assert margin("good", 8.0, 11.0).verdict() == (
         "Good at 10 kg; rubbing begins at 8 kg, going down; rubbing begins at 11 kg, going up, "
-        "sought from 5 to 20 kg."
+        "searched from 5 to 20 kg."
     )
     assert "rubbing ends at 8 kg" in margin("avoid", 8.0, nan).verdict()
-    assert "nothing is to be avoided, sought" in margin("watch", nan, nan).verdict()
+    assert "nothing is to be avoided, searched" in margin("watch", nan, nan).verdict()
 
 
 @pytest.mark.slow
