@@ -29,11 +29,16 @@ SECTIONS: dict[str, dict[str, str]] = {  # names of files in pages/, without the
     },
     "Reference": {"About_the_model": "Model and validation"},
 }
+# In the browser, once on a page.
+#
 # A value typed and a link clicked at once: the browser may send the page first, or the server may
 # take both as one, and then value or page is lost. The link waits until the value has been taken.
-LINKS_WAIT = """<script>
-if (!window.spabLinksWait) {
-  window.spabLinksWait = true;
+#
+# A comma typed or pasted into a number: a browser whose decimal sign is the point drops it, and 2,5
+# would become 25. Where steps are whole, as of rpm, it stands between thousands and may go.
+SCRIPT = """<script>
+if (!window.spabListens) {
+  window.spabListens = true;
   const least = 300, most = 2000;  // ms
   let typed = false, left = -least;
   document.addEventListener("input", () => { typed = true; }, true);
@@ -56,6 +61,23 @@ if (!window.spabLinksWait) {
     };
     go();
   }, true);
+  if ((1.5).toLocaleString()[1] === ".") {
+    const number = event => {
+      const field = event.target;
+      return field.matches?.("input[type=number]") && !(Number(field.step) >= 1);
+    };
+    const enter = (event, text) => {
+      event.preventDefault();
+      document.execCommand("insertText", false, text);
+    };
+    document.addEventListener("keydown", event => {
+      if (number(event) && event.key === ",") enter(event, ".");
+    }, true);
+    document.addEventListener("paste", event => {
+      const text = event.clipboardData?.getData("text").trim() ?? "";
+      if (number(event) && /^[+-]?\\d+,\\d+$/.test(text)) enter(event, text.replace(",", "."));
+    }, true);
+  }
 }
 </script>"""
 LABELS = {name: label for pages in SECTIONS.values() for name, label in pages.items()}

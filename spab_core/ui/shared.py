@@ -51,7 +51,7 @@ from spab_core.trajectory import compiling
 from spab_core.trajectory.assessment import GRADE_WORDS, GRADES
 from spab_core.ui.drawn import drawn
 from spab_core.ui.memory import bound_memory, spare_lasting_objects
-from spab_core.ui.navigation import LINKS_WAIT, sidebar
+from spab_core.ui.navigation import SCRIPT, sidebar
 from spab_core.ui.plain_picture import want_plotly
 from spab_core.ui.running import running_jobs
 from spab_core.ui.view import open_view
@@ -98,7 +98,7 @@ def page_head(title: str) -> None:
         "[class*=st-key-wide_]>*{min-width:48rem}} "
         # number fields come without their labels until their script is there
         ".st-key-rotor_mass,.st-key-bearing_number,.st-key-rpm{min-height:4.25rem}</style>"
-        + LINKS_WAIT,
+        + SCRIPT,
         unsafe_allow_javascript=True,
     )
     if title != HOME:

@@ -64,3 +64,30 @@ def test_a_value_typed_and_a_link_clicked_at_once_both_count(chromium, tools, tm
             page.get_by_role("heading", name="Other").wait_for(timeout=20_000)
             page.get_by_text(f"solved {mass} 3.45").wait_for(timeout=20_000)
             assert page.url.endswith(f"/Operating_point?rotor_mass={mass}")
+
+
+def test_a_decimal_comma_is_a_decimal_sign(chromium, tools, tmp_path):
+    script = tmp_path / "slow.py"
+    script.write_text(SLOW)
+    with tools.dashboard(script) as address, tools.browser_page() as page:
+        page.goto(address)
+        page.get_by_text("solved 4.52 3.45").wait_for(timeout=60_000)
+        field = page.get_by_label("Rotor mass, kg", exact=True)
+        field.press("Control+a")
+        field.press_sequentially("2,5")
+        field.press("Enter")
+        page.get_by_text("solved 2.5 3.45").wait_for(timeout=20_000)
+        field = page.get_by_label("Bearing number Λ", exact=True)
+        field.press("Control+a")
+        field.evaluate(
+            "f => { const d = new DataTransfer(); d.setData('text', ' 1,75 ');"
+            "f.dispatchEvent(new ClipboardEvent('paste', {clipboardData: d, bubbles: true})); }"
+        )
+        field.press("Enter")
+        page.get_by_text("solved 2.5 1.75").wait_for(timeout=20_000)
+        field = page.get_by_label("Shaft speed, rpm", exact=True)  # thousands
+        field.press("Control+a")
+        field.press_sequentially("6,000")
+        field.press("Enter")
+        number = reference_design().bearing_number(6000.0 * 3.14159265 / 30.0)
+        page.get_by_text(f"solved 2.5 {number:.6g}").wait_for(timeout=20_000)
