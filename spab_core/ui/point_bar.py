@@ -5,6 +5,8 @@ from __future__ import annotations
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
+from spab_core.common.errors import InputError
+from spab_core.common.validation import check_number
 from spab_core.design.form import AMBIENT, FIELDS, SUPPLY, to_form
 from spab_core.design.limits import BEARING_NUMBER_RANGE, ROTOR_MASS_RANGE
 from spab_core.design.model import Design, reference_design
@@ -32,6 +34,8 @@ from spab_core.ui.view import (
     show_value,
     supply_below,
     supply_range,
+    tell,
+    view_value,
 )
 
 _WIDTH = 150  # of a field, pixels
@@ -71,15 +75,43 @@ LIMIT_FIELDS = {  # label, ends, step and help by the key in the view
 }
 
 
+def _speeds(design: Design) -> tuple[float, float]:
+    low, high = BEARING_NUMBER_RANGE
+    return design.speed_rpm(low), design.speed_rpm(high)
+
+
+def _refused(key: str, what: str, low: float, high: float, unit: str = "") -> bool:
+    """Whether a typed number is out of range; it is told then and the field has its last number."""
+    state = st.session_state
+    try:
+        if is_typed(key):
+            check_number(what, state[key], low, high, unit)
+    except InputError as error:
+        kept = view_value(key)
+        if kept is None:  # shown anew from what is in the view
+            state.pop(key)
+        else:
+            state[key] = kept
+        tell(f"{error}. The value before it is kept.")
+        return True
+    return False
+
+
+def _keep_in_range(key: str, what: str, low: float, high: float, unit: str = "") -> None:
+    _refused(key, what, low, high, unit)
+
+
 def _speed_typed(design: Design) -> None:
     state = st.session_state
-    if is_typed("rpm"):  # an emptied field keeps the speed
+    if is_typed("rpm") and not _refused("rpm", "shaft speed", *_speeds(design), "rpm"):
         set_speed(design, state["rotor_mass"], state["rpm"])
 
 
 def _supply_typed() -> None:
     state, design = st.session_state, chosen_design()
-    if not is_typed("supply"):
+    given = f"bar {state['supply_as']}"
+    ends = supply_range(design)
+    if not is_typed("supply") or _refused("supply", "supply pressure", *ends, given):
         return
     ratio = (state["supply"] + supply_below(design)) / to_form(design)[AMBIENT]
     field = FIELDS[SUPPLY]
@@ -114,15 +146,16 @@ def point_bar(*, of_example: bool = False) -> DeltaGenerator:
         The row, for what a page asks besides.
     """
     state, design = st.session_state, reference_design() if of_example else chosen_design()
-    slowest, fastest = (design.speed_rpm(limit) for limit in BEARING_NUMBER_RANGE)
+    slowest, fastest = _speeds(design)
     speed = float(f"{design.speed_rpm(state['bearing_number']):.6g}")
     show_value("rpm", min(max(speed, slowest), fastest))
     row = st.container(horizontal=True, vertical_alignment="bottom", key="point_bar")
     row.number_input(
         "Rotor mass, kg",
-        *ROTOR_MASS_RANGE,
-        None,
+        value=None,
         key="rotor_mass",
+        on_change=_keep_in_range,
+        args=("rotor_mass", "rotor mass", *ROTOR_MASS_RANGE, "kg"),
         step=0.1,
         format="%.3f",
         width=_WIDTH,
@@ -131,9 +164,7 @@ def point_bar(*, of_example: bool = False) -> DeltaGenerator:
     )
     row.number_input(
         "Shaft speed, rpm",
-        slowest,
-        fastest,
-        None,
+        value=None,
         key="rpm",
         step=100.0,
         format="%.0f",
@@ -144,9 +175,10 @@ def point_bar(*, of_example: bool = False) -> DeltaGenerator:
     )
     row.number_input(
         "Bearing number Λ",
-        *BEARING_NUMBER_RANGE,
-        None,
+        value=None,
         key="bearing_number",
+        on_change=_keep_in_range,
+        args=("bearing_number", "bearing number", *BEARING_NUMBER_RANGE),
         step=0.05,
         format="%.3f",
         width=_WIDTH,
@@ -163,9 +195,7 @@ def point_bar(*, of_example: bool = False) -> DeltaGenerator:
     gauge = state["supply_as"] == PRESSURES[0]
     row.number_input(
         f"Supply, bar {state['supply_as']}",
-        low,
-        high,
-        None,
+        value=None,
         key="supply",
         step=0.1,
         format="%.3f",

@@ -339,6 +339,16 @@ def open_view(page: str = "") -> list[str]:
     return complaints
 
 
+def tell(words: str) -> None:
+    """Have the next run say a sentence above the page, in a widget's callback."""
+    st.session_state[_TOLD] = words
+
+
+def view_value(key: str) -> Any:
+    """Return a value of the view as it was when the last run began; None for a key of none."""
+    return st.session_state.get(_KEPT, {}).get(key)
+
+
 def note_live(keys: Iterable[str]) -> None:
     """Keep that the page has drawn the fields of these values, and draws them in each run."""
     state = st.session_state

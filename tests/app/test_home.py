@@ -12,6 +12,7 @@ import streamlit as st
 from streamlit.testing.v1 import AppTest
 
 from spab_core.cli.main import _build_parser
+from spab_core.design.limits import BEARING_NUMBER_RANGE
 from spab_core.design.model import reference_design
 from spab_core.maps.margin import margin
 from spab_core.maps.solved_margin import solve_margin
@@ -191,7 +192,7 @@ def test_a_typed_speed_sets_the_bearing_number(app):
     )
     app.number_input(key="rotor_mass").set_value(None).run()  # emptied: the usual mass
     assert not app.exception and app.number_input(key="rotor_mass").value == 4.52
-    for speed in (app.number_input(key="rpm").min, app.number_input(key="rpm").max):
+    for speed in map(reference_design().speed_rpm, BEARING_NUMBER_RANGE):
         app.number_input(key="rpm").set_value(speed).run()
         assert not app.exception and len(verdicts(app)) == 1
 

@@ -91,3 +91,23 @@ def test_a_decimal_comma_is_a_decimal_sign(chromium, tools, tmp_path):
         field.press("Enter")
         number = reference_design().bearing_number(6000.0 * 3.14159265 / 30.0)
         page.get_by_text(f"solved 2.5 {number:.6g}").wait_for(timeout=20_000)
+
+
+def test_a_number_that_is_not_allowed_is_told_and_the_field_has_its_last(chromium, tools, tmp_path):
+    script = tmp_path / "slow.py"
+    script.write_text(SLOW)
+    with tools.dashboard(script) as address, tools.browser_page() as page:
+        page.goto(address)
+        page.get_by_text("solved 4.52 3.45").wait_for(timeout=60_000)
+        for label, typed, words, last in (
+            ("Rotor mass, kg", "0", "rotor mass = 0 kg is out of range: allowed is", "4.520"),
+            ("Shaft speed, rpm", "100000000", "shaft speed = 1e+08 rpm is out of range", "10233"),
+            ("Supply, bar gauge", "-3", "supply pressure = -3 bar gauge is out of range", "0.000"),
+        ):
+            field = page.get_by_label(label, exact=True)
+            field.fill(typed)
+            field.press("Enter")
+            page.get_by_text(words).wait_for(timeout=20_000)
+            page.wait_for_function(
+                "([field, last]) => field.value === last", arg=[field.element_handle(), last]
+            )
