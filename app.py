@@ -220,6 +220,8 @@ def _point() -> tuple[DeltaGenerator, go.Figure] | None:
     beside = is_reference() or own is not None
     height = ORBIT_HEIGHT if beside else TALL
     orbit = orbit_figure(point).update_layout(height=height, margin_t=30)
+    if beside:
+        orbit.update_layout(legend_y=-0.42)  # of a low figure, below the axis title
     place = _numbers(point, numbers, beside)
     with words, errors_in_words():
         margin_panel(design, mass, number)

@@ -65,7 +65,9 @@ class Assumption:
     @property
     def words(self) -> str:
         """Value, limit and meaning in a clause."""
-        return f"{self.name} is {self.value:.3g}, limit {self.limit:.3g}: {self.broken}"
+        value = float(f"{self.value:.3g}")  # 1,410, not 1.41e+03
+        told = f"{value:,.0f}" if 1e3 <= value < 1e9 else f"{value:.3g}"
+        return f"{self.name} is {told}, limit {self.limit:.3g}: {self.broken}"
 
 
 def mean_free_path(design: Design) -> float:

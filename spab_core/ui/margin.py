@@ -31,7 +31,7 @@ from spab_core.ui.view import chosen_limits
 
 P = ParamSpec("P")
 T = TypeVar("T")
-USUAL = 220  # points of a margin, for its progress
+USUAL = 280  # points of a margin, for its progress
 # what is looked at first: a short way, points as near each other as all are, rougher brackets
 NEAR: dict[str, Any] = {
     "axes": ("speed", "mass"),
@@ -221,7 +221,8 @@ def _watch(key: _Key) -> None:
             "So far, looked at from {:g} to {:g} times speed and mass, each alone; both together "
             "and the rest follow.".format(*NEAR["span"])
         )
+    some = f" of some {USUAL}" if run.solved <= USUAL else ""
     st.progress(
         min(run.solved / USUAL, 0.97),
-        f"Solving the margin: {run.solved} of some {USUAL} points along speed and mass",
+        f"Solving the margin: {run.solved}{some} points along speed and mass",
     )
