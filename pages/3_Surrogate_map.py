@@ -35,7 +35,7 @@ from spab_core.ui.shared import (
 )
 from spab_core.ui.solving import live_point
 from spab_core.ui.target import floor_option, target_choice, target_words
-from spab_core.ui.view import TARGETS, choice, number_field, set_point
+from spab_core.ui.view import TARGETS, choice, chosen_point, number_field, set_point
 
 page_head("surrogate maps")
 
@@ -190,6 +190,10 @@ sure, cell, beside = None, _chosen_cell(), state["beside"]
 number, mass = (
     float(f"{axis[k]:.6g}") for axis, k in zip((m.bearing_number, m.rotor_mass), cell, strict=True)
 )
+for chosen, axis in zip(chosen_point(), (m.rotor_mass, m.bearing_number), strict=True):
+    if not 0.99 * axis[0] <= chosen <= 1.01 * axis[-1]:
+        st.caption("The chosen point lies off this map: its nearest cell is marked.")
+        break
 a, b = st.columns([3, 1], vertical_alignment="center")
 if beside:
     a.markdown(

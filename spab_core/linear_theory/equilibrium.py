@@ -10,7 +10,7 @@ import numpy as np
 
 from spab_core.common.errors import InputError
 from spab_core.common.threads import one_thread
-from spab_core.design.limits import check_point
+from spab_core.design.limits import check_linear_point
 from spab_core.design.model import Design
 from spab_core.solver.film import (
     AUTO,
@@ -317,7 +317,7 @@ def concentric_stiffness(
     DesignError
         For a bearing number out of range.
     """
-    check_point(1.0, bearing_number)
+    check_linear_point(1.0, bearing_number)
     weightless = design.replace(rotor__gravity=0.0)
     system = dense_system(weightless, 1.0, bearing_number, mesh).without_storage()
     rotor = system.rotor._replace(contact_force=0.0)
@@ -364,7 +364,7 @@ def static_equilibrium(
     DesignError
         For a point out of range.
     """
-    check_point(rotor_mass, bearing_number)
+    check_linear_point(rotor_mass, bearing_number)
     try:
         system = resting_system(design, rotor_mass, bearing_number, mesh)
     except AxialStopError:

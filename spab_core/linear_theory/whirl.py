@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spab_core.design.limits import check_point
+from spab_core.design.limits import check_linear_point
 from spab_core.design.model import Design
 from spab_core.linear_theory.equilibrium import (
     AxialStopError,
@@ -75,7 +75,7 @@ def linear_spectrum(
     DesignError
         For a point out of range.
     """
-    check_point(rotor_mass, bearing_number)
+    check_linear_point(rotor_mass, bearing_number)
     try:
         system = resting_system(design, rotor_mass, bearing_number, mesh)
     except AxialStopError:
@@ -125,7 +125,7 @@ def whirl_thresholds(
         For a bearing number or a mass out of range.
     """
     for mass in masses:
-        check_point(mass, bearing_number)
+        check_linear_point(mass, bearing_number)
 
     def leading(
         log_mass: float, guess: np.ndarray | None

@@ -98,8 +98,10 @@ def design_section(design: Design) -> Section:
 
 
 def _digits(value: Value) -> str:
-    if isinstance(value, (str, bool)):
-        return str(value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, str):
+        return value
     return "rigid" if math.isinf(value) else f"{value:.6g}"
 
 

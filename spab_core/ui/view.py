@@ -648,6 +648,8 @@ def design_words() -> str:
 
 def with_unit(field: FormField, value: Any) -> str:
     """A value of a design in form units, as it is told."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     if field.choices:
         return str(value)
     return "rigid" if math.isinf(value) else f"{value:.4g} {field.unit}".strip()

@@ -280,6 +280,15 @@ def test_how_sure_it_is(own_jobs):
     assert at.dataframe[1].value["cells"].sum() == solved - solved // 8
 
 
+@pytest.mark.parametrize("off", [False, True])
+def test_a_point_off_the_map_is_marked_at_its_nearest_cell_and_told(small, off):
+    at = AppTest.from_file(PAGE["Surrogate_map"], default_timeout=120)
+    at.query_params["rotor_mass"], at.query_params["bearing_number"] = "2.5", "11" if off else "3"
+    at.run()
+    assert not at.exception
+    assert any("lies off this map" in caption.value for caption in at.caption) == off
+
+
 @pytest.mark.parametrize("address", [{"model": "oracle"}, {"divisor": "9"}, {"draw": "-1"}])
 def test_wrong_values_in_the_address_are_told_and_the_usual_ones_taken(small, address):
     at = AppTest.from_file(PAGE["Surrogate_map"], default_timeout=120)
