@@ -190,10 +190,9 @@ sure, cell, beside = None, _chosen_cell(), state["beside"]
 number, mass = (
     float(f"{axis[k]:.6g}") for axis, k in zip((m.bearing_number, m.rotor_mass), cell, strict=True)
 )
-for chosen, axis in zip(chosen_point(), (m.rotor_mass, m.bearing_number), strict=True):
-    if not 0.99 * axis[0] <= chosen <= 1.01 * axis[-1]:
-        st.caption("The chosen point lies off this map: its nearest cell is marked.")
-        break
+axes = zip(chosen_point(), (m.rotor_mass, m.bearing_number), strict=True)
+if any(not 0.99 * along[0] <= value <= 1.01 * along[-1] for value, along in axes):
+    st.caption("The chosen point lies off this map: its nearest cell is marked.")
 a, b = st.columns([3, 1], vertical_alignment="center")
 if beside:
     a.markdown(
