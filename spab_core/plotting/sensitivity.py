@@ -75,9 +75,7 @@ def tornado_figure(base: MachineMargin, table: pd.DataFrame) -> go.Figure:
         barmode="overlay",
         height=120 + 55 * max(len(names), 1),
         margin={"l": 110, "r": 10, "t": 30, "b": 50},
-        xaxis={
-            "title": f"margin in {base.axis}, % (under 0: not recommended)"
-        },
+        xaxis={"title": f"margin in {base.axis}, % (under 0: not recommended)"},
         legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0},
     )
 
