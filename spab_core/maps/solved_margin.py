@@ -295,11 +295,20 @@ class SolvedMargin:
 
     def _ends(self) -> list[str]:
         """Return where each trouble that is to be avoided here is left nearest, in words."""
-        bad = [kind for kind, grade in self.here.items() if grade == GRADES[AVOID]]
-        nearest = (
-            next((x for x in self.limits if x.what == kind and not x.begins), None) for kind in bad
-        )
-        return [f"going {x.towards()}, {x.words()}" for x in nearest if x]
+        places: dict[tuple[object, ...], list[Limit]] = {}
+        for kind, grade in self.here.items():
+            ends = (x for x in self.limits if x.what == kind and not x.begins)
+            if grade == GRADES[AVOID] and (found := next(ends, None)):
+                key = found.axis, found.direction, found.value, found.after
+                places.setdefault(key, []).append(found)
+        told = []
+        for *others, last in places.values():
+            words = last.words()
+            if others:
+                names = ", ".join(KINDS[x.what] for x in others)
+                words = f"{names} and {words.replace(' ends at ', ' end at ')}"
+            told.append(f"going {last.towards()}, {words}")
+        return told
 
     def sentences(self) -> list[str]:
         """Describe what the point has, the limits in each direction and what was not looked at."""

@@ -248,6 +248,26 @@ def test_the_headline_names_the_nearest_trouble_to_be_avoided_and_what_comes_bef
         assert SolvedMargin(point, avoided, limits, ()).headline() == there
 
 
+def test_the_headline_of_a_bad_point_tells_where_that_ends():
+    """Kinds that end at one place in one clause; what becomes less grave in its own."""
+    point = solve_point(reference_design(), 4.0, 1.0, Settings(transient=30, revolutions=20))
+
+    def end(what, mass, after=""):
+        change = mass / 4.0 - 1.0
+        place = (mass, mass - 0.01, mass + 0.01, False, "avoid", change, mass, 2966.0, abs(change))
+        return Limit("mass", "down", what, *place, after=after)
+
+    here = {"contact": "avoid", "chaotic": "avoid", "resonance": "avoid", "large orbit": "watch"}
+    limits = end("resonance", 3.4, "watch"), end("contact", 3.0), end("chaotic", 3.0)
+    told = SolvedMargin(point, here, limits, ()).headline()
+    assert told.endswith(
+        "; going down in mass, rubbing and chaos end at 3.00 ± 0.01 kg (-25 %); going down in "
+        "mass, resonance no worse than to be watched from 3.40 ± 0.01 kg (-15 %)."
+    ), told
+    watched = SolvedMargin(point, {"large orbit": "watch"}, (end("large orbit", 3.0),), ())
+    assert "end" not in watched.headline()
+
+
 @pytest.mark.slow
 def test_a_whirl_exists_beside_period_1():
     """At 4.52 kg and Lambda 1.4 rest leads to period 1, a large orbit to a whirl of 0.83."""
