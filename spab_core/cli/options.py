@@ -13,6 +13,7 @@ from typing import Any, NoReturn, TypeAlias
 import numpy as np
 
 from spab_core.common.errors import InputError
+from spab_core.common.workers import MAX_WORKERS as MAX_WORKERS  # of --workers
 from spab_core.design.form import bearing_number_of
 from spab_core.design.model import (
     Design,
@@ -29,7 +30,6 @@ from spab_core.trajectory.assessment import DEFAULT_LIMITS, Limits
 from spab_core.trajectory.settings import Settings
 
 Answer = dict[str, Any]  # what --json prints
-MAX_WORKERS = 1024
 MAX_SEED = 2**32 - 1
 LIKELY_STEPS = 8  # 0.5:1:25 is likelier steps of 1 up to 25, 0.25:8.5:34 is 34 values
 LARGEST_STOP = 50.0  # bearing number or kg; 0.05:8.5:170 is 170 values

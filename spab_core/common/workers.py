@@ -22,6 +22,8 @@ from typing import Any, BinaryIO, ParamSpec, TypeVar
 
 from spab_core.common.processes import end_with_parent, give_way, module_command
 
+MAX_WORKERS = 1024  # processes that a user may ask for
+
 P = ParamSpec("P")
 T = TypeVar("T")
 IDLE = 600.0  # seconds without a call, after which a worker ends

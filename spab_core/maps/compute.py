@@ -17,6 +17,7 @@ import joblib
 import numpy as np
 
 from spab_core.common.validation import check_whole
+from spab_core.common.workers import MAX_WORKERS
 from spab_core.design.model import Design
 from spab_core.maps.checkpoints import Checkpoint, Chunk, run_plan
 from spab_core.maps.parallel import cluster_or_processes
@@ -34,7 +35,6 @@ from spab_core.trajectory.provenance import map_metadata
 from spab_core.trajectory.settings import Settings
 
 CHUNK_CELLS = 25
-MAX_WORKERS = 1024  # processes
 _COSTS: dict[str, type] = {"seconds": np.float64, "steps": np.int64}  # of each cell
 CellSolver = Callable[[np.ndarray], Chunk]
 

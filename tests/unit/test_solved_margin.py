@@ -114,10 +114,12 @@ def test_where_trouble_becomes_grave_is_a_limit_too():
 
 
 def limit_of(found, axis, direction, what):
-    # the first, where the trouble begins or ends in whatever grade
-    limit, *_ = (
+    # the first, where the trouble begins or ends in whatever grade; one more where that changes
+    limit, *graver = (
         x for x in found.limits if (x.axis, x.direction, x.what) == (axis, direction, what)
     )
+    assert all(x.grade != limit.grade or x.after != limit.after for x in graver)
+    assert len(graver) <= 1
     return limit
 
 
