@@ -31,13 +31,15 @@ def add_grade_bands(figure: go.Figure, values: np.ndarray, found: Sequence[Band]
     """
     if not found:
         return
+    # not the grade at rest
+    figure.update_layout(legend_title={"text": "Motion:", "side": "left"})
     step = 0.5 * (values[1:] + values[:-1])
     half = 0.5 * float(np.diff(values).min()) if len(values) > 1 else 0.5
     edges = np.concatenate([[values[0] - half], step, [values[-1] + half]])
     whole = edges[-1] - edges[0]
     for grade in GRADES:
         if any(band.grade == grade for band in found):
-            label = f"{GRADE_MARKS[grade]} motion {GRADE_WORDS[grade]}"  # not the rest's grade
+            label = f"{GRADE_MARKS[grade]} {GRADE_WORDS[grade]}"
             add_legend_square(figure, label, GRADE_COLOURS[grade])
     shapes, marks = [], []
     for band in found:
